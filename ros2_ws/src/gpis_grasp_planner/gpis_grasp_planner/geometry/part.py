@@ -1,0 +1,51 @@
+"""A part to be grasped: its mesh, and the facts of mechanics that the mesh does not hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coulomb coefficients of the pairs (hand link, object): finger links and palm may differ."""
+
+    finger: float
+    palm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A mesh with its centre of mass and what the sidecar file said, in the mesh file's own frame.
+
+    Attributes
+    ----------
+    mesh_id : str
+    mesh : TriangleMesh
+    center_of_mass : (3,) array [m]
+    mass : float [kg]
+    volume : float [m^3]
+    watertight : bool
+    friction : Friction or None
+        From the sidecar; None where it says nothing and the settings decide.
+    notes : tuple of str
+        What was repaired or assumed, for the answer to report.
+    """
+
+    mesh_id: str
+    mesh: TriangleMesh
+    center_of_mass: NDArray[np.float64]
+    mass: float
+    volume: float
+    watertight: bool
+    friction: Friction | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def max_radius(self) -> float:
+        """Distance of the farthest vertex from the centre of mass [m]: the scale of torques."""
+        return float(np.linalg.norm(self.mesh.vertices - self.center_of_mass, axis=1).max())
