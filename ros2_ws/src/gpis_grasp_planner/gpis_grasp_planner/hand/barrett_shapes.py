@@ -1,0 +1,182 @@
+"""Link shapes of the BarrettHand BH8-280 as convex pieces, drawn from its measured dimensions.
+
+Every piece is the hull of a few rings of points. Numbers are millimetres in the link's own
+frame, as the dimensions are quoted; :func:`barrett_pieces` returns metres. Where a dimension is
+not known, the choice is commented.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.hand.link_mesh import convex_hull
+
+Array = NDArray[np.float64]
+
+SPREAD_AXIS_OFFSET_MM = 25.0
+SPREAD_FRAME_HEIGHT_MM = 41.5
+INNER_AXIS_MM = (50.0, 33.9)  # (along the finger, up) in the knuckle frame
+DISTAL_AXIS_MM = (69.936, 3.0)  # in the inner link's frame
+DISTAL_ANGLE_DEG = 40.0
+
+PALM_RADIUS_MM = 44.5
+PLATE_BOTTOM_MM, PLATE_TOP_MM = 66.3, 79.3
+KNUCKLE_HALF_WIDTH_MM = 12.3
+KNUCKLE_TOP_RADIUS_MM = 15.0  # about the inner axis: gives the top 48.9 and the front 65
+INNER_WIDTH_MM, DISTAL_WIDTH_MM = 21.0, 23.0
+
+PAD_CROWN_RADIUS_MM, PAD_APEX_MM = 96.7, (31.0, 11.0)
+TIP_RADIUS_MM, TIP_CENTER_MM = 9.56, (47.98, -0.18)
+# The nail ends at x = 59; that the open hand spans 334.6 nail to nail puts its corner here.
+NAIL_CORNER_MM = (59.0, -3.372)
+
+
+def arc(
+    center: tuple[float, float], radius: float, start_deg: float, end_deg: float, n: int
+) -> Array:
+    """Points (n, 2) on a circle, ends included, by angle from the first axis."""
+    angle = np.radians(np.linspace(start_deg, end_deg, n))
+    return np.asarray(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def crown(apex: tuple[float, float], radius: float, start: float, end: float, n: int) -> Array:
+    """Points (n, 2) on a shallow arc that culminates in `apex`, for abscissae start..end."""
+    x = np.linspace(start, end, n)
+    drop = radius - np.sqrt(radius**2 - (x - apex[0]) ** 2)
+    return np.stack([x, apex[1] - drop], axis=1)
+
+
+def inset(outline: Array, amount: float) -> Array:
+    """Move the vertices of a convex outline (n, 2) inwards along the mean edge normals."""
+    ring = outline[ConvexHull(outline).vertices]
+    edge = np.roll(ring, -1, axis=0) - ring
+    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    mean = normal + np.roll(normal, 1, axis=0)
+    # Dividing by the half angle's cosine keeps the edges, not the corners, `amount` apart.
+    mean /= 0.5 * np.sum(mean**2, axis=1, keepdims=True)
+    return np.asarray(ring - amount * mean)
+
+
+def bar(outline: Array, half_width: float, chamfer: float) -> Array:
+    """Extrude an (x, y) outline to z = +-half_width with its rims chamfered; points (n, 3)."""
+    rings = [
+        (outline, half_width - chamfer),
+        (outline, chamfer - half_width),
+        (inset(outline, chamfer), half_width),
+        (inset(outline, chamfer), -half_width),
+    ]
+    return np.vstack([np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings])
+
+
+def _upright(points: Array) -> Array:
+    """Turn (x, y, z) of a bar into (x, -z, y): its outline stands up on the finger's line."""
+    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
+
+
+def palm_base() -> Array:
+    """Cylinder of radius 44.5 from the mounting plane to z = 41.5."""
+    ring = arc((0.0, 0.0), PALM_RADIUS_MM, 0.0, 348.75, 32)
+    return np.vstack([np.insert(ring, 2, z, axis=1) for z in (0.0, SPREAD_FRAME_HEIGHT_MM)])
+
+
+def palm_neck() -> Array:
+    """Web between the two turning knuckles (12.7 mm off the centre plane), up to the plate."""
+    half_width, back, front = 12.5, -26.0, 27.0
+    corners = [(x, y) for x in (-half_width, half_width) for y in (back, front)]
+    return np.array([(*c, z) for c in corners for z in (41.0, PLATE_BOTTOM_MM + 1.0)])
+
+
+def plate_outline() -> Array:
+    """Outline (n, 2) of the palm plate: x +-44.5, y -35..26.5.
+
+    The knuckles' towers begin 35 mm from the spread axes and turn around the plate's corners, so
+    the corners are arcs about these axes with half a millimetre of clearance.
+    """
+    clear = 2 * KNUCKLE_TOP_RADIUS_MM + 4.5
+    start = np.degrees(np.arccos(-(PALM_RADIUS_MM - SPREAD_AXIS_OFFSET_MM) / clear))
+    corner = arc((-SPREAD_AXIS_OFFSET_MM, 0.0), clear, 360.0 - start, 270.0, 6)
+    left = np.vstack([corner, [(-10.0, -35.0)], arc((-36.5, 18.5), 8.0, 90.0, 180.0, 5)])
+    return np.vstack([left, left * (-1.0, 1.0)])
+
+
+def palm_plate() -> Array:
+    """Palm plate, z 66.3..79.3, domed: its top falls by 2.5 mm from the middle to the rim."""
+    rings = ((1.0, PLATE_BOTTOM_MM), (1.0, 73.5), (0.955, 76.8), (0.65, 78.2), (0.3, PLATE_TOP_MM))
+    outline = plate_outline()
+    return np.vstack([np.insert(outline * scale, 2, z, axis=1) for scale, z in rings])
+
+
+def knuckle_hub() -> Array:
+    """Turning body about the spread axis, below the palm plate."""
+    half = KNUCKLE_HALF_WIDTH_MM
+    outline = np.vstack([arc((0.0, 0.0), half, 90.0, 270.0, 13), [(40.0, -half), (40.0, half)]])
+    top = PLATE_BOTTOM_MM - SPREAD_FRAME_HEIGHT_MM - 0.5
+    return np.vstack([np.insert(outline, 2, z, axis=1) for z in (-5.0, top)])
+
+
+def _tower_outline(back: float) -> Array:
+    top = arc(INNER_AXIS_MM, KNUCKLE_TOP_RADIUS_MM, -10.0, 190.0, 17)
+    # The outer lower edge is rounded on the hand; how far is not measured.
+    foot = arc((57.0, 3.0), 8.0, 270.0, 360.0, 5)
+    return np.vstack([top, foot, [(back, -5.0)]])
+
+
+def knuckle_tower() -> Array:
+    """Body that carries the inner joint: rises beside the plate to 48.9 over the frame."""
+    return _upright(bar(_tower_outline(35.5), KNUCKLE_HALF_WIDTH_MM, 1.5))
+
+
+def third_finger_block() -> Array:
+    """F3's fixed block: the same tower, extended back to y = 27 below the plate's surface."""
+    outline = np.vstack([_tower_outline(27.0), [(27.0, 33.0)]])
+    return _upright(bar(outline, KNUCKLE_HALF_WIDTH_MM, 1.5))
+
+
+def inner_link() -> Array:
+    """Inner link: x -12.5..79.4, y -12.5..15.0, end radii 12.5 and 9.5, crowned inner side."""
+    outline = np.vstack(
+        [
+            arc((0.0, 0.0), 12.5, 90.0, 270.0, 13),
+            arc(DISTAL_AXIS_MM, 9.5, -90.0, 90.0, 11),
+            # The crown's run is a choice: tangent to neither end it stays inside y = 15.
+            crown((34.0, 15.0), 150.0, 14.0, 54.0, 7),
+        ]
+    )
+    return bar(outline, INNER_WIDTH_MM / 2, 1.5)
+
+
+def distal_link() -> Array:
+    """Distal link: crowned pad, tip circle and nail; x -9.5..59.0, 23 mm wide."""
+    outline = np.vstack(
+        [
+            arc((0.0, 0.0), 9.5, 90.0, 270.0, 9),
+            crown(PAD_APEX_MM, PAD_CROWN_RADIUS_MM, 18.0, 31.0, 4),
+            crown(PAD_APEX_MM, PAD_CROWN_RADIUS_MM, 36.0, 49.84, 4),
+            arc(TIP_CENTER_MM, TIP_RADIUS_MM, 65.0, -90.0, 11),
+            [(59.0, -1.5), NAIL_CORNER_MM],
+        ]
+    )
+    return bar(outline, DISTAL_WIDTH_MM / 2, 2.0)
+
+
+def barrett_pieces() -> dict[str, tuple[tuple[str, TriangleMesh], ...]]:
+    """Convex pieces [m] of each body: body name to (piece name, mesh) pairs.
+
+    Bodies are ``palm``, ``knuckle``, ``block`` (F3's, in the frame of a knuckle), ``inner`` and
+    ``distal``; the fingers share them.
+    """
+    bodies = {
+        "palm": {"palm_base": palm_base(), "palm_neck": palm_neck(), "palm_plate": palm_plate()},
+        "knuckle": {"knuckle_hub": knuckle_hub(), "knuckle_tower": knuckle_tower()},
+        "block": {"third_finger_block": third_finger_block()},
+        "inner": {"inner_link": inner_link()},
+        "distal": {"distal_link": distal_link()},
+    }
+    return {
+        body: tuple((name, convex_hull(points / 1000.0)) for name, points in pieces.items())
+        for body, pieces in bodies.items()
+    }

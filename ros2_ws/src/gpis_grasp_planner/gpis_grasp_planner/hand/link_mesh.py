@@ -1,0 +1,97 @@
+"""Convex pieces of hand links: hulls of points, their mass properties, and binary STL files.
+
+The STL reader is for this project's own pieces (closed, convex, a few hundred faces) and costs
+well under a millisecond; parts to be grasped come through ``geometry.mesh_file`` instead.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
+
+from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+
+Array = NDArray[np.float64]
+
+_STL_HEADER_BYTES = 80
+_STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def convex_hull(points: ArrayLike) -> TriangleMesh:
+    """Hull of points (n, 3) as a closed mesh, faces counter-clockwise seen from outside."""
+    points = np.asarray(points, dtype=float)
+    hull = ConvexHull(points)
+    corners = hull.points[hull.simplices]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flipped = np.einsum("ij,ij->i", normal, hull.equations[:, :3]) < 0.0
+    faces = hull.simplices.copy()
+    faces[flipped] = faces[flipped][:, [0, 2, 1]]
+    used, compact = np.unique(faces, return_inverse=True)
+    return TriangleMesh(points[used], compact.reshape(-1, 3).astype(np.int32))
+
+
+def solid_properties(mesh: TriangleMesh) -> tuple[float, Array, Array]:
+    """Volume [m^3], centroid (3,) and second moments (3, 3) [m^5] about the origin.
+
+    The second moments are the integrals of ``x x^T`` over the solid, summed over the signed
+    tetrahedra between the origin and the faces; they turn into an inertia by
+    :func:`inertia_from_moments`.
+    """
+    corners = mesh.triangles
+    determinant = np.linalg.det(corners)
+    volume = float(determinant.sum() / 6.0)
+    total = corners.sum(axis=1)
+    centroid = np.einsum("t,ti->i", determinant, total) / (24.0 * volume)
+    moments = np.einsum("t,ti,tj->ij", determinant, total, total)
+    moments = moments + np.einsum("t,tci,tcj->ij", determinant, corners, corners)
+    return volume, centroid, moments / 120.0
+
+
+def inertia_from_moments(moments: ArrayLike) -> Array:
+    """Inertia (3, 3) from second moments (3, 3) of mass about the same point."""
+    moments = np.asarray(moments, dtype=float)
+    return np.asarray(np.trace(moments) * np.eye(3) - moments)
+
+
+def write_stl(mesh: TriangleMesh, path: Path) -> None:
+    """Write a binary STL in metres; the same mesh always gives the same bytes."""
+    records = np.zeros(len(mesh.faces), dtype=_STL_FACE)
+    records["normal"] = mesh.face_normals_outward
+    records["corners"] = mesh.triangles
+    header = b"convex piece of a hand link, metres".ljust(_STL_HEADER_BYTES)
+    path.write_bytes(header + np.uint32(len(records)).tobytes() + records.tobytes())
+
+
+def read_stl(path: Path) -> TriangleMesh:
+    """Read a binary STL in metres and weld its corners.
+
+    Raises
+    ------
+    MeshError
+        If the file is missing or its length does not match its face count.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MeshError(
+            f"Cannot read the link mesh '{path}': {error.strerror}. Reinstall the package or "
+            "correct the mesh name in the hand's URDF.",
+            ErrorCode.MESH_UNREADABLE,
+        ) from error
+    start = _STL_HEADER_BYTES + 4
+    n_faces = int(np.frombuffer(data[_STL_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
+    expected = start + n_faces * _STL_FACE.itemsize
+    if n_faces == 0 or len(data) != expected:
+        raise MeshError(
+            f"Link mesh '{path}' has {len(data)} bytes where {n_faces} faces take {expected}. "
+            "Link meshes are binary STL in metres; export the file again.",
+            ErrorCode.MESH_UNREADABLE,
+        )
+    records = np.frombuffer(data, dtype=_STL_FACE, offset=start)
+    corners = np.ascontiguousarray(records["corners"]).reshape(-1, 3)
+    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
+    return TriangleMesh(vertices.astype(float), faces.reshape(-1, 3).astype(np.int32))

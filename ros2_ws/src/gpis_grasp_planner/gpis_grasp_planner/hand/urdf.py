@@ -1,0 +1,203 @@
+"""Read the kinematic tree and the collision pieces of a URDF with the standard library.
+
+Understands what the hands of this project use: revolute and fixed joints, collision shapes that
+are convex STL pieces in metres with names relative to the URDF's folder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.transforms import apply, transform
+from gpis_grasp_planner.hand.link_mesh import read_stl
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfTree:
+    """Links from the root outwards, and the movable joints in the order of the file.
+
+    Attributes
+    ----------
+    link_names : tuple of str, L entries
+    link_parent : (L,) int array
+        Index of the parent link, -1 for the root; a parent always precedes its children.
+    link_joint : (L,) int array
+        Index of the joint that moves the link, -1 where it is fixed to its parent.
+    T_parent_joint : (L, 4, 4) array
+        Pose of the link in its parent at joint angle zero.
+    joint_axis : (L, 3) array
+        Unit axis in the link's frame; zero where fixed.
+    joint_names : tuple of str, J entries
+    joint_lower, joint_upper, joint_velocity, joint_effort : (J,) arrays [rad, rad/s, N m]
+    link_mass : (L,) array [kg]
+    link_collision : tuple of tuples of TriangleMesh
+        Convex pieces per link, in the link's frame [m].
+    """
+
+    link_names: tuple[str, ...]
+    link_parent: NDArray[np.int64]
+    link_joint: NDArray[np.int64]
+    T_parent_joint: Array
+    joint_axis: Array
+    joint_names: tuple[str, ...]
+    joint_lower: Array
+    joint_upper: Array
+    joint_velocity: Array
+    joint_effort: Array
+    link_mass: Array
+    link_collision: tuple[tuple[TriangleMesh, ...], ...]
+
+
+def read_urdf(path: Path) -> UrdfTree:
+    """Read a URDF file.
+
+    Raises
+    ------
+    RequestError
+        If the file is missing, is no XML, or its links do not form one tree.
+    MeshError
+        If a collision mesh is missing or damaged.
+    """
+    try:
+        robot = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise RequestError(
+            f"Cannot read the hand's URDF '{path}': {error}. Correct or reinstall it.",
+            ErrorCode.INVALID_SETTING,
+        ) from error
+    links = {link.get("name", ""): link for link in robot.findall("link")}
+    joints = robot.findall("joint")
+    joint_of_child = {_child(joint, "child"): joint for joint in joints}
+    order = _from_root(list(links), joint_of_child, path)
+    movable = [joint for joint in joints if joint.get("type") != "fixed"]
+    for joint in movable:
+        if joint.get("type") != "revolute":
+            raise RequestError(
+                f"Joint '{joint.get('name')}' of '{path}' is '{joint.get('type')}'; hands may have "
+                "revolute and fixed joints."
+            )
+    joint_names = tuple(joint.get("name", "") for joint in movable)
+    limits = np.array(
+        [
+            [float(_element(joint, "limit").get(key, "nan")) for joint in movable]
+            for key in ("lower", "upper", "velocity", "effort")
+        ]
+    )
+    n_links = len(order)
+    link_parent = np.full(n_links, -1)
+    link_joint = np.full(n_links, -1)
+    T_parent_joint = np.tile(np.eye(4), (n_links, 1, 1))
+    joint_axis = np.zeros((n_links, 3))
+    for index, name in enumerate(order):
+        if name not in joint_of_child:
+            continue
+        moving = joint_of_child[name]
+        link_parent[index] = order.index(_child(moving, "parent"))
+        T_parent_joint[index] = _origin(moving)
+        if moving.get("name") in joint_names:
+            link_joint[index] = joint_names.index(moving.get("name", ""))
+            axis = _numbers(_element(moving, "axis").get("xyz", "1 0 0"))
+            joint_axis[index] = axis / np.linalg.norm(axis)
+    masses = [
+        float(m.get("value", 0)) if (m := links[name].find("inertial/mass")) is not None else 0.0
+        for name in order
+    ]
+    return UrdfTree(
+        link_names=tuple(order),
+        link_parent=link_parent,
+        link_joint=link_joint,
+        T_parent_joint=T_parent_joint,
+        joint_axis=joint_axis,
+        joint_names=joint_names,
+        joint_lower=limits[0],
+        joint_upper=limits[1],
+        joint_velocity=limits[2],
+        joint_effort=limits[3],
+        link_mass=np.array(masses),
+        link_collision=_collision(path, [links[name] for name in order]),
+    )
+
+
+def with_mesh_uris(path: Path, mesh_uri_prefix: str) -> str:
+    """The URDF's text with `mesh_uri_prefix` put before every mesh name."""
+    robot = ElementTree.parse(path).getroot()
+    prefix = mesh_uri_prefix.rstrip("/")
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", f"{prefix}/{mesh.get('filename')}")
+    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+
+
+def _from_root(
+    names: list[str], joint_of_child: dict[str, ElementTree.Element], path: Path
+) -> list[str]:
+    """Links with parents before children, otherwise in the file's order."""
+    order: list[str] = [name for name in names if name not in joint_of_child]
+    if len(order) != 1:
+        raise RequestError(f"'{path}' has {len(order)} root links {order}; a hand has one.")
+    waiting = [name for name in names if name in joint_of_child]
+    while waiting:
+        ready = [name for name in waiting if _child(joint_of_child[name], "parent") in order]
+        if not ready:
+            raise RequestError(f"Links {waiting} of '{path}' do not hang on '{order[0]}'.")
+        order += ready
+        waiting = [name for name in waiting if name not in ready]
+    return order
+
+
+def _collision(
+    path: Path, links: list[ElementTree.Element]
+) -> tuple[tuple[TriangleMesh, ...], ...]:
+    files: dict[str, TriangleMesh] = {}
+    result = []
+    for link in links:
+        pieces = []
+        for shape in link.findall("collision"):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                raise RequestError(
+                    f"Link '{link.get('name')}' of '{path}' has a collision shape that is no mesh; "
+                    "give convex STL pieces."
+                )
+            name = mesh.get("filename", "")
+            if name not in files:
+                files[name] = read_stl(path.parent / name)
+            piece, T_link_piece = files[name], _origin(shape)
+            if not np.array_equal(T_link_piece, np.eye(4)):
+                piece = TriangleMesh(apply(T_link_piece, piece.vertices), piece.faces)
+            pieces.append(piece)
+        result.append(tuple(pieces))
+    return tuple(result)
+
+
+def _origin(element: ElementTree.Element) -> Array:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    # URDF's rpy turns about the fixed axes x, y, z in this order.
+    R = Rotation.from_euler("xyz", _numbers(origin.get("rpy", "0 0 0"))).as_matrix()
+    return transform(R, _numbers(origin.get("xyz", "0 0 0")))
+
+
+def _element(parent: ElementTree.Element, tag: str) -> ElementTree.Element:
+    found = parent.find(tag)
+    if found is None:
+        raise RequestError(f"Joint '{parent.get('name')}' of the hand's URDF has no <{tag}>.")
+    return found
+
+
+def _child(joint: ElementTree.Element, tag: str) -> str:
+    return _element(joint, tag).get("link", "")
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(word) for word in text.split()])
