@@ -1,0 +1,262 @@
+"""Signed distance to a mesh on a regular grid, for the planner's inner loop.
+
+Near the surface (a band of a few cells) the grid points hold the exact distance to the nearest
+triangle; farther away the distance to the nearest triangle of the nearest band point, which is
+within a cell of the truth and only steers step lengths. A point query is one trilinear
+interpolation (some 15 ns compiled).
+
+The sign comes from counting crossings along grid columns in the three axes with a majority vote,
+so that a small hole in a mesh does not turn its inside out. A mesh without an inside (an open
+sheet) has positive distances on both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+
+Array = NDArray[np.float64]
+
+_BAND_CELLS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceField:
+    """Grid values (nx, ny, nz) [m], negative inside; `origin` is the position of value [0,0,0]."""
+
+    values: NDArray[np.float32]
+    origin: Array
+    spacing: float
+
+    @staticmethod
+    def of(mesh: TriangleMesh, cells: int = 96, padding_m: float = 0.006) -> DistanceField:
+        """Sample the signed distance of a mesh, `cells` along its longest side.
+
+        Costs 0.1 to 0.6 s on one core and 4 bytes a grid point (some 2 to 4 MB).
+        """
+        lower, upper = mesh.bounds
+        spacing = float(max((upper - lower).max() + 2 * padding_m, 1e-6) / cells)
+        origin = lower - padding_m - 0.5 * spacing
+        shape = np.ceil((upper - lower + 2 * padding_m) / spacing).astype(np.int64) + 2
+        squared = np.full(tuple(shape), np.inf)
+        nearest = np.full(tuple(shape), -1, dtype=np.int32)
+        band = _BAND_CELLS * spacing
+        _splat(mesh.triangles, origin, spacing, band, squared, nearest)
+        in_band = nearest >= 0
+        _, (i, j, k) = distance_transform_edt(~in_band, return_indices=True)
+        _fill_far(mesh.triangles, origin, spacing, nearest, nearest[i, j, k], squared)
+        distance = np.sqrt(squared)
+        votes = sum(_inside_along(mesh.triangles, origin, spacing, shape, axis) for axis in range(3))
+        distance[votes >= 2] *= -1.0
+        return DistanceField(distance.astype(np.float32), origin, spacing)
+
+    def value(self, points: Array) -> Array:
+        """Signed distance (n,) [m] at points (n, 3), negative inside."""
+        return np.asarray(
+            field_values(
+                self.values, self.origin, self.spacing, np.ascontiguousarray(points, dtype=float)
+            )
+        )
+
+    def outward(self, points: Array) -> Array:
+        """Unit gradients (n, 3) of the distance at points (n, 3)."""
+        return np.asarray(
+            field_gradients(
+                self.values, self.origin, self.spacing, np.ascontiguousarray(points, dtype=float)
+            )
+        )
+
+
+@njit(cache=True, nogil=True)
+def squared_distance_to_triangle(p, a, b, c):  # type: ignore[no-untyped-def]
+    """Squared distance of a point from a triangle (by the Voronoi regions of its features)."""
+    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    apx, apy, apz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    d1 = abx * apx + aby * apy + abz * apz
+    d2 = acx * apx + acy * apy + acz * apz
+    if d1 <= 0.0 and d2 <= 0.0:
+        v, w = 0.0, 0.0
+    else:
+        bpx, bpy, bpz = p[0] - b[0], p[1] - b[1], p[2] - b[2]
+        d3 = abx * bpx + aby * bpy + abz * bpz
+        d4 = acx * bpx + acy * bpy + acz * bpz
+        cpx, cpy, cpz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+        d5 = abx * cpx + aby * cpy + abz * cpz
+        d6 = acx * cpx + acy * cpy + acz * cpz
+        va = d3 * d6 - d5 * d4
+        vb = d5 * d2 - d1 * d6
+        vc = d1 * d4 - d3 * d2
+        if d3 >= 0.0 and d4 <= d3:
+            v, w = 1.0, 0.0
+        elif d6 >= 0.0 and d5 <= d6:
+            v, w = 0.0, 1.0
+        elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+            v, w = d1 / (d1 - d3), 0.0
+        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+            v, w = 0.0, d2 / (d2 - d6)
+        elif va <= 0.0 and (d4 - d3) >= 0.0 and (d5 - d6) >= 0.0:
+            w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+            v = 1.0 - w
+        else:
+            total = va + vb + vc
+            if total == 0.0:
+                v, w = 0.0, 0.0
+            else:
+                v, w = vb / total, vc / total
+    x = apx - v * abx - w * acx
+    y = apy - v * aby - w * acy
+    z = apz - v * abz - w * acz
+    return x * x + y * y + z * z
+
+
+@njit(cache=True, nogil=True)
+def _splat(triangles, origin, spacing, band, squared, nearest):  # type: ignore[no-untyped-def]
+    shape = squared.shape
+    lower = np.empty(3, dtype=np.int64)
+    upper = np.empty(3, dtype=np.int64)
+    p = np.empty(3)
+    for f in range(triangles.shape[0]):
+        a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        for d in range(3):
+            low = min(a[d], min(b[d], c[d])) - band
+            high = max(a[d], max(b[d], c[d])) + band
+            lower[d] = max(0, int(np.ceil((low - origin[d]) / spacing)))
+            upper[d] = min(shape[d] - 1, int(np.floor((high - origin[d]) / spacing)))
+        for i in range(lower[0], upper[0] + 1):
+            p[0] = origin[0] + i * spacing
+            for j in range(lower[1], upper[1] + 1):
+                p[1] = origin[1] + j * spacing
+                for k in range(lower[2], upper[2] + 1):
+                    p[2] = origin[2] + k * spacing
+                    d2 = squared_distance_to_triangle(p, a, b, c)
+                    if d2 <= band * band and d2 < squared[i, j, k]:
+                        squared[i, j, k] = d2
+                        nearest[i, j, k] = f
+
+
+@njit(cache=True, nogil=True)
+def _fill_far(triangles, origin, spacing, nearest, candidate, squared):  # type: ignore[no-untyped-def]
+    p = np.empty(3)
+    for i in range(squared.shape[0]):
+        p[0] = origin[0] + i * spacing
+        for j in range(squared.shape[1]):
+            p[1] = origin[1] + j * spacing
+            for k in range(squared.shape[2]):
+                if nearest[i, j, k] < 0:
+                    p[2] = origin[2] + k * spacing
+                    t = triangles[candidate[i, j, k]]
+                    squared[i, j, k] = squared_distance_to_triangle(p, t[0], t[1], t[2])
+
+
+def _inside_along(
+    triangles: Array, origin: Array, spacing: float, shape: NDArray[np.int64], axis: int
+) -> NDArray[np.int64]:
+    """1 where a column along `axis` has crossed the surface an odd number of times, else 0."""
+    order = [(axis + 1) % 3, (axis + 2) % 3, axis]
+    counts = np.zeros(tuple(shape[order]), dtype=np.int32)
+    # A column that meets an edge exactly would count it twice or not at all: columns are
+    # moved off the lattice by an irrational part of a cell.
+    shift = np.array([0.00141421, 0.00173205, 0.0]) * spacing
+    _count_crossings(triangles[:, :, order], origin[order] + shift, spacing, counts)
+    inside = np.cumsum(counts, axis=2) % 2
+    return np.asarray(np.transpose(inside, np.argsort(order)))
+
+
+@njit(cache=True, nogil=True)
+def _count_crossings(triangles, origin, spacing, counts):  # type: ignore[no-untyped-def]
+    """Add 1 to the first grid point above each crossing of a column (along the last axis)."""
+    nx, ny, nz = counts.shape
+    for f in range(triangles.shape[0]):
+        ax, ay, az = triangles[f, 0]
+        bx, by, bz = triangles[f, 1]
+        cx, cy, cz = triangles[f, 2]
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area == 0.0:
+            continue
+        i_low = max(0, int(np.ceil((min(ax, min(bx, cx)) - origin[0]) / spacing)))
+        i_high = min(nx - 1, int(np.floor((max(ax, max(bx, cx)) - origin[0]) / spacing)))
+        j_low = max(0, int(np.ceil((min(ay, min(by, cy)) - origin[1]) / spacing)))
+        j_high = min(ny - 1, int(np.floor((max(ay, max(by, cy)) - origin[1]) / spacing)))
+        for i in range(i_low, i_high + 1):
+            x = origin[0] + i * spacing
+            for j in range(j_low, j_high + 1):
+                y = origin[1] + j * spacing
+                u = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / area
+                v = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / area
+                w = 1.0 - u - v
+                if u < 0.0 or v < 0.0 or w < 0.0:
+                    continue
+                z = u * az + v * bz + w * cz
+                k = int(np.ceil((z - origin[2]) / spacing))
+                if k < nz:
+                    counts[i, j, max(k, 0)] += 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def field_value(values, origin, spacing, x, y, z):  # type: ignore[no-untyped-def]
+    """Trilinear signed distance at one point; beyond the grid a lower bound of the distance."""
+    fx = (x - origin[0]) / spacing
+    fy = (y - origin[1]) / spacing
+    fz = (z - origin[2]) / spacing
+    gx = min(max(fx, 0.0), values.shape[0] - 1.001)
+    gy = min(max(fy, 0.0), values.shape[1] - 1.001)
+    gz = min(max(fz, 0.0), values.shape[2] - 1.001)
+    i = int(gx)
+    j = int(gy)
+    k = int(gz)
+    u = gx - i
+    v = gy - j
+    w = gz - k
+    c00 = values[i, j, k] * (1.0 - w) + values[i, j, k + 1] * w
+    c01 = values[i, j + 1, k] * (1.0 - w) + values[i, j + 1, k + 1] * w
+    c10 = values[i + 1, j, k] * (1.0 - w) + values[i + 1, j, k + 1] * w
+    c11 = values[i + 1, j + 1, k] * (1.0 - w) + values[i + 1, j + 1, k + 1] * w
+    inside = (c00 * (1.0 - v) + c01 * v) * (1.0 - u) + (c10 * (1.0 - v) + c11 * v) * u
+    dx = fx - gx
+    dy = fy - gy
+    dz = fz - gz
+    beyond = dx * dx + dy * dy + dz * dz
+    if beyond > 1e-4:
+        # The padding of the grid's border keeps this below the true distance.
+        return max(np.sqrt(beyond) * spacing, inside - np.sqrt(beyond) * spacing)
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def field_values(values, origin, spacing, points):  # type: ignore[no-untyped-def]
+    """`field_value` of many points."""
+    out = np.empty(points.shape[0])
+    for n in range(points.shape[0]):
+        out[n] = field_value(values, origin, spacing, points[n, 0], points[n, 1], points[n, 2])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def field_gradients(values, origin, spacing, points):  # type: ignore[no-untyped-def]
+    """Unit central differences over half a cell; zero where the field is flat."""
+    out = np.zeros((points.shape[0], 3))
+    h = 0.5 * spacing
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        gx = field_value(values, origin, spacing, x + h, y, z) - field_value(
+            values, origin, spacing, x - h, y, z
+        )
+        gy = field_value(values, origin, spacing, x, y + h, z) - field_value(
+            values, origin, spacing, x, y - h, z
+        )
+        gz = field_value(values, origin, spacing, x, y, z + h) - field_value(
+            values, origin, spacing, x, y, z - h
+        )
+        length = np.sqrt(gx * gx + gy * gy + gz * gz)
+        if length > 0.0:
+            out[n, 0] = gx / length
+            out[n, 1] = gy / length
+            out[n, 2] = gz / length
+    return out
