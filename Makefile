@@ -1,0 +1,49 @@
+# Two commands matter: `make demo` and `make test`. Both set everything up first.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format benchmark lock clean
+
+# In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
+RUN := source scripts/env.sh &&
+# One thread for BLAS: the planner is measured on one core, and results do not depend on the machine.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+LOCKED := $(PWD)/.venv/bin/uv pip compile -q --python-version 3.11 --generate-hashes \
+	--custom-compile-command "make lock"
+
+help:  ## Show this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+
+setup:  ## System packages, virtual environment, locked dependencies, colcon build
+	@scripts/setup.sh
+
+demo: setup  ## Start the node, publish an object's pose, plan a grasp for the mug, draw it
+	@$(RUN) python scripts/demo.py
+
+test: setup lint  ## Lint, types, all tests (real processes over real DDS included)
+	@$(RUN) python -m pytest $(PYTEST_ARGS)
+
+lint: setup  ## ruff and mypy
+	@$(RUN) ruff check . && ruff format --check . && mypy
+
+format: setup  ## Format the sources and mend what ruff can mend
+	@$(RUN) ruff check --fix . ; ruff format .
+
+benchmark: setup  ## List the benchmarks, with the command of each
+	@echo "Benchmarks, each a program of its own (--help lists its options):"
+	@for file in tests/benchmarks/*.py; do \
+		[ -e "$$file" ] || continue; \
+		echo "  source scripts/env.sh && python $$file"; \
+		sed -n '1s/^"""/      /p' "$$file" | tr -d '"'; \
+	done
+
+lock: setup  ## Resolve the dependencies anew (setup.py, requirements/*.in)
+	@$(LOCKED) --upgrade -o requirements/installer.lock requirements/installer.in
+	@$(LOCKED) --upgrade -o requirements/requirements.lock \
+		ros2_ws/src/gpis_grasp_planner/setup.py requirements/ros.in requirements/development.in
+
+clean:  ## Remove everything that the other targets made, the virtual environment included
+	rm -rf .venv ros2_ws/{build,install,log} out .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	find ros2_ws/src tests scripts \( -name __pycache__ -o -name '*.egg-info' \) -prune -exec rm -rf {} +

@@ -1,0 +1,48 @@
+"""Build script of the ROS package (ament_python); plain pip installs it as well."""
+
+from setuptools import find_packages, setup
+
+NAME = "gpis_grasp_planner"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Grasp planning with Gaussian process implicit surfaces, as a ROS 2 service",
+    license="Apache-2.0",
+    maintainer="GPIS grasp planner developers",
+    maintainer_email="gpis-grasp-planner@example.com",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    # Hand models, shipped parts and their settings lie beside the modules that read them.
+    package_data={
+        NAME: ["py.typed", *(f"**/*.{kind}" for kind in ("urdf", "yaml", "stl", "obj", "ply"))]
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    zip_safe=False,
+    python_requires=">=3.11",
+    # The one list of what the planner needs; `make lock` pins it. ROS packages are in package.xml.
+    install_requires=[
+        "cascadio",  # STEP files for trimesh
+        "coacd",  # convex decomposition
+        "coal",  # exact distance and collision
+        "manifold3d",  # solids of the shipped parts
+        "matplotlib",
+        "numba",  # inner loop of the search
+        "numpy",
+        "open3d",  # sampling, point clouds, pictures; not on the node's start-up path
+        "pillow",
+        "pybullet",  # physics
+        "PyYAML",
+        "rich",
+        "scipy",
+        "trimesh",  # mesh files
+    ],
+    entry_points={
+        "console_scripts": [
+            f"grasp_planner_node = {NAME}.ros.node:main",
+            f"gpis-grasp = {NAME}.cli.main:main",
+        ]
+    },
+)

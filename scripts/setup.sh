@@ -1,0 +1,94 @@
+#!/usr/bin/env bash
+# Sets up the workspace: system packages, virtual environment, locked dependencies, colcon build,
+# the planner's console scripts, warm compiled code. Each stage that has succeeded leaves a stamp
+# with the hash of what it depended on, so a second run does nothing, an interrupted one goes on
+# where it stopped, and a changed lock or message file redoes what follows from it.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+root=$PWD
+venv=$root/.venv
+stamps=$venv/stamps
+planner=ros2_ws/src/gpis_grasp_planner
+
+# Two set-ups of one workspace at a time would trample on each other.
+if command -v flock >/dev/null; then
+    exec 9<"$0"
+    flock 9
+fi
+
+# key FILE_OR_DIRECTORY... -> one hash over names and contents, and the place of the workspace
+# (virtual environments and colcon installations cannot be moved).
+key() {
+    {
+        echo "$root"
+        find "$@" -type f ! -path '*/__pycache__/*' ! -path '*.egg-info/*' -print0 \
+            | LC_ALL=C sort -z | xargs -0 -r sha256sum
+    } | sha256sum | cut -d ' ' -f 1
+}
+
+# stage NAME KEY COMMAND...: run the command unless it has succeeded with this very key.
+stage() {
+    local name=$1 key=$2
+    shift 2
+    [ "$(cat "$stamps/$name" 2>/dev/null)" = "$key" ] && return
+    echo "== $name"
+    local start=$SECONDS
+    rm -f "$stamps/$name"
+    "$@"
+    mkdir -p "$stamps"
+    echo "$key" >"$stamps/$name"
+    echo "== $name: done in $((SECONDS - start)) s"
+}
+
+virtual_environment() {
+    scripts/system_packages.sh
+    # One that works is kept, with what it holds; a half-made one is made anew.
+    "$venv/bin/python" -c 'import pip, sys; assert sys.version_info[:2] == (3, 11)' 2>/dev/null \
+        || "$(scripts/system_packages.sh --python)" -m venv --clear "$venv"
+}
+
+dependencies() {
+    "$venv/bin/python" -m pip install -q --disable-pip-version-check --require-hashes \
+        -r requirements/installer.lock
+    local settings
+    settings=$("$venv/bin/python" scripts/uv_settings.py)
+    # The few source distributions are built with the locked setuptools, too.
+    (
+        eval "$settings"
+        "$venv/bin/uv" pip install --python "$venv/bin/python" --require-hashes \
+            --build-constraints requirements/requirements.lock \
+            -r requirements/requirements.lock
+    )
+}
+
+workspace() {
+    # env.sh would put an older build of this workspace under the new one.
+    (
+        export VIRTUAL_ENV=$venv PATH=$venv/bin:$PATH
+        export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv
+        cd ros2_ws
+        colcon build --symlink-install --event-handlers console_cohesion+ \
+            --cmake-args -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="$venv/bin/python"
+    )
+}
+
+console_scripts() {
+    "$venv/bin/uv" pip install -q --python "$venv/bin/python" --offline --no-deps \
+        --no-build-isolation -e "$planner"
+}
+
+warm_up() {
+    "$venv/bin/python" -m gpis_grasp_planner.scene.warm_up
+}
+
+stage virtual_environment "$(key scripts/system_packages.sh)" virtual_environment
+stage dependencies "$(key requirements/*.lock)" dependencies
+stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource})" \
+    workspace
+stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
+# Numba keeps compiled functions beside their modules, each valid until its module changes.
+if [ -f "$planner/gpis_grasp_planner/scene/warm_up.py" ]; then
+    stage warm_up "$(find "$planner" -name '*.py' -exec grep -l numba {} + | xargs sha256sum | sha256sum)" \
+        warm_up
+fi
