@@ -1,0 +1,197 @@
+"""A tree of axis-aligned boxes over the triangles of a mesh, and exact nearest-point queries.
+
+The tree is four flat arrays, so that compiled loops can walk it without objects. Building it
+takes some 5 ms per 1000 triangles; a nearest-point query 1 to 3 us.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+
+Array = NDArray[np.float64]
+
+_LEAF = 4
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleTree:
+    """Boxes over triangles; leaves own the triangles [first, first + count).
+
+    Attributes
+    ----------
+    triangles : (m, 3, 3) array
+        Corners [m], in the order of the leaves.
+    normals_outward : (m, 3) array
+    lower, upper : (n, 3) arrays
+        Corners of the nodes' boxes; node 0 is the root.
+    child : (n, 2) int array
+        Children of an inner node, or (-1 - first, count) for a leaf.
+    """
+
+    triangles: Array
+    normals_outward: Array
+    lower: Array
+    upper: Array
+    child: NDArray[np.int64]
+
+    @staticmethod
+    def of(mesh: TriangleMesh) -> TriangleTree:
+        """Split at the median of the longest side until a leaf has at most four triangles."""
+        solid = mesh.face_areas > 0.0
+        triangles = mesh.triangles[solid]
+        normals = mesh.face_normals_outward[solid]
+        low, high, middle = triangles.min(axis=1), triangles.max(axis=1), triangles.mean(axis=1)
+        order = np.arange(len(triangles))
+        lower: list[Array] = []
+        upper: list[Array] = []
+        child: list[tuple[int, int]] = []
+        pending = [(0, len(order), -1, 0)]
+        while pending:
+            first, last, parent, side = pending.pop()
+            node = len(child)
+            if parent >= 0:
+                pair = list(child[parent])
+                pair[side] = node
+                child[parent] = (pair[0], pair[1])
+            members = order[first:last]
+            lower.append(low[members].min(axis=0))
+            upper.append(high[members].max(axis=0))
+            if last - first <= _LEAF:
+                child.append((-1 - first, last - first))
+                continue
+            axis = int(np.argmax(np.ptp(middle[members], axis=0)))
+            half = (last - first) // 2
+            split = np.argpartition(middle[members, axis], half)
+            order[first:last] = members[split]
+            child.append((0, 0))
+            pending.append((first, first + half, node, 0))
+            pending.append((first + half, last, node, 1))
+        return TriangleTree(
+            np.ascontiguousarray(triangles[order]),
+            np.ascontiguousarray(normals[order]),
+            np.array(lower),
+            np.array(upper),
+            np.array(child, dtype=np.int64),
+        )
+
+    def nearest(self, points: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Nearest surface points (n, 3), distances (n,) [m] and triangle indices (n,)."""
+        return nearest_points(  # type: ignore[no-any-return]
+            np.ascontiguousarray(points, dtype=float),
+            self.triangles,
+            self.lower,
+            self.upper,
+            self.child,
+        )
+
+
+@njit(cache=True, nogil=True)
+def nearest_on_triangle(px, py, pz, t, out):  # type: ignore[no-untyped-def]
+    """Nearest point of triangle `t` into `out`; True where it lies strictly inside the face."""
+    abx, aby, abz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
+    acx, acy, acz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
+    apx, apy, apz = px - t[0, 0], py - t[0, 1], pz - t[0, 2]
+    d1 = abx * apx + aby * apy + abz * apz
+    d2 = acx * apx + acy * apy + acz * apz
+    inside = False
+    if d1 <= 0.0 and d2 <= 0.0:
+        v, w = 0.0, 0.0
+    else:
+        bpx, bpy, bpz = px - t[1, 0], py - t[1, 1], pz - t[1, 2]
+        d3 = abx * bpx + aby * bpy + abz * bpz
+        d4 = acx * bpx + acy * bpy + acz * bpz
+        cpx, cpy, cpz = px - t[2, 0], py - t[2, 1], pz - t[2, 2]
+        d5 = abx * cpx + aby * cpy + abz * cpz
+        d6 = acx * cpx + acy * cpy + acz * cpz
+        va = d3 * d6 - d5 * d4
+        vb = d5 * d2 - d1 * d6
+        vc = d1 * d4 - d3 * d2
+        if d3 >= 0.0 and d4 <= d3:
+            v, w = 1.0, 0.0
+        elif d6 >= 0.0 and d5 <= d6:
+            v, w = 0.0, 1.0
+        elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+            v, w = d1 / (d1 - d3), 0.0
+        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+            v, w = 0.0, d2 / (d2 - d6)
+        elif va <= 0.0 and (d4 - d3) >= 0.0 and (d5 - d6) >= 0.0:
+            w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+            v = 1.0 - w
+        else:
+            total = va + vb + vc
+            v, w = vb / total, vc / total
+            inside = True
+    out[0] = t[0, 0] + v * abx + w * acx
+    out[1] = t[0, 1] + v * aby + w * acy
+    out[2] = t[0, 2] + v * abz + w * acz
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
+    x = max(low[0] - px, max(0.0, px - high[0]))
+    y = max(low[1] - py, max(0.0, py - high[1]))
+    z = max(low[2] - pz, max(0.0, pz - high[2]))
+    return x * x + y * y + z * z
+
+
+@njit(cache=True, nogil=True)
+def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # type: ignore[no-untyped-def]
+    """Nearest surface point within `limit` into `out`.
+
+    Returns (distance, triangle, whether inside the face); triangle -1 where none is that near.
+    """
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 0
+    top = 1
+    best = limit * limit
+    found = -1
+    found_inside = False
+    q = np.empty(3)
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if _box_distance2(px, py, pz, lower[node], upper[node]) >= best:
+            continue
+        if child[node, 0] < 0:
+            first = -1 - child[node, 0]
+            for f in range(first, first + child[node, 1]):
+                inside = nearest_on_triangle(px, py, pz, triangles[f], q)
+                x, y, z = px - q[0], py - q[1], pz - q[2]
+                d2 = x * x + y * y + z * z
+                if d2 < best:
+                    best = d2
+                    found = f
+                    found_inside = inside
+                    out[0], out[1], out[2] = q[0], q[1], q[2]
+        else:
+            a, b = child[node, 0], child[node, 1]
+            da = _box_distance2(px, py, pz, lower[a], upper[a])
+            db = _box_distance2(px, py, pz, lower[b], upper[b])
+            if da < db:
+                a, b = b, a
+            stack[top] = a
+            stack[top + 1] = b
+            top += 2
+    return np.sqrt(best), found, found_inside
+
+
+@njit(cache=True, nogil=True)
+def nearest_points(points, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
+    """`nearest_point` of many points, without a limit."""
+    n = points.shape[0]
+    nearest = np.empty((n, 3))
+    distance = np.empty(n)
+    index = np.empty(n, dtype=np.int64)
+    for i in range(n):
+        distance[i], index[i], _ = nearest_point(
+            points[i, 0], points[i, 1], points[i, 2], 1e30, triangles, lower, upper, child,
+            nearest[i],
+        )  # fmt: skip
+    return nearest, distance, index
