@@ -1,0 +1,294 @@
+"""Mesh IDs to parts: files of configured directories, and nothing outside them.
+
+An ID is the stem of a mesh file (``mug`` for ``mug.stl``), or its full name; where one
+directory holds ``mug.stl`` and ``mug.obj``, only the full names work. Of directories that know
+the same ID the first one counts. The directories are listed anew at each call, so that a file
+put there while the node runs is found, and a file is read once: what is parsed is what is hashed.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import stat
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
+from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+from gpis_grasp_planner.geometry.file_inspection import INSPECTORS
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.mesh_file import (
+    STEP_SUFFIXES,
+    MeshReport,
+    checked_suffix,
+    parse_mesh,
+    read_regular_file,
+)
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.sidecar import MAX_SIDECAR_BYTES, Sidecar, parse_sidecar
+
+__all__ = ["CatalogueSettings", "MeshCatalogue", "default_catalogue_directory", "load_part"]
+
+ID_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_-]|\.(?!\.)){0,63}", re.ASCII)
+SIDECAR_SUFFIXES = (".yaml", ".yml")
+NEAREST_IDS = 5
+
+
+def default_catalogue_directory() -> Path:
+    """The directory of the meshes that ship with the package."""
+    return Path(__file__).resolve().parent / "parts" / "meshes"
+
+
+class MeshCatalogue:
+    """The parts that may be asked for by ID.
+
+    Parameters
+    ----------
+    directories : sequence of Path
+        Searched in this order, without their subdirectories.
+    settings : CatalogueSettings, optional
+        Limits and defaults.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SETTING if there is none, or one is no directory.
+    """
+
+    def __init__(
+        self, directories: Sequence[Path], settings: CatalogueSettings | None = None
+    ) -> None:
+        if not directories:
+            raise RequestError("The mesh catalogue has no directory; configure at least one.")
+        for directory in directories:
+            if not Path(directory).is_dir():
+                raise RequestError(
+                    f"The catalogue directory {str(directory)!r} does not exist or is no "
+                    "directory. Create it or configure another."
+                )
+        self._directories = tuple(Path(d).resolve() for d in directories)
+        self.settings = settings or CatalogueSettings()
+
+    def ids(self) -> list[str]:
+        """All IDs that :meth:`load` would look up, sorted; full names only where stems clash."""
+        found: dict[str, None] = {}
+        for directory in self._directories:
+            stems = _files_by_stem(directory)
+            for stem, files in stems.items():
+                if stem not in found:
+                    names = [stem] if len(files) == 1 else [f.name for f in files]
+                    found.update(dict.fromkeys(names))
+        return sorted(found)
+
+    def load(self, mesh_id: str) -> Part:
+        """Read, judge and return the part of an ID.
+
+        Raises
+        ------
+        RequestError
+            INVALID_MESH_ID or UNKNOWN_MESH; messages name IDs, never paths.
+        MeshError
+            With the code of the defect of the file or its sidecar.
+        """
+        if ID_PATTERN.fullmatch(mesh_id) is None:
+            raise RequestError(
+                f"Mesh ID {_shown(mesh_id)} is not allowed: an ID has 1 to 64 letters, digits, "
+                "'_', '-' or single '.', and starts with a letter or digit. Use an ID of the "
+                "catalogue.",
+                ErrorCode.INVALID_MESH_ID,
+            )
+        directory, path = self._find(mesh_id)
+        _check_inside(path, directory, mesh_id)
+        part = _load(path, mesh_id, None, self.settings, inside=directory)
+        others = [d for d in self._directories if d != directory and _matches(d, mesh_id)]
+        if others:
+            note = f"{len(others)} later catalogue directories also hold '{mesh_id}'; not used."
+            part = replace(part, notes=(*part.notes, note))
+        return part
+
+    def _find(self, mesh_id: str) -> tuple[Path, Path]:
+        for directory in self._directories:
+            files = _matches(directory, mesh_id)
+            exact = [f for f in files if f.name == mesh_id]
+            if exact or len(files) == 1:
+                return directory, (exact or files)[0]
+            if files:
+                names = ", ".join(f.name for f in files)
+                raise RequestError(
+                    f"Mesh ID '{mesh_id}' is ambiguous; ask for one of {names}.",
+                    ErrorCode.UNKNOWN_MESH,
+                )
+        known = self.ids()
+        raise RequestError(
+            f"Mesh ID '{mesh_id}' is unknown. {_advice(mesh_id, known)}", ErrorCode.UNKNOWN_MESH
+        )
+
+
+def load_part(
+    path: Path, unit: str | None = None, settings: CatalogueSettings | None = None
+) -> Part:
+    """Load a plain mesh file, outside any catalogue; its ID is the stem of its name.
+
+    Parameters
+    ----------
+    path : Path
+    unit : 'm' or 'mm', optional
+        Overrules the sidecar; None takes the sidecar's, then the default of the settings.
+    settings : CatalogueSettings, optional
+
+    Raises
+    ------
+    MeshError
+        With the code of the defect.
+    """
+    path = Path(path)
+    return _load(path, path.stem, unit, settings or CatalogueSettings())
+
+
+def _load(
+    path: Path,
+    mesh_id: str,
+    unit: str | None,
+    settings: CatalogueSettings,
+    inside: Path | None = None,
+) -> Part:
+    suffix = checked_suffix(path.name)
+    notes: list[str] = []
+    # The mesh first: a missing file should not be reported as a lack of units.
+    data = read_regular_file(path, settings.max_file_bytes)
+    sidecar = _read_sidecar(path, mesh_id, inside)
+    stated = unit or sidecar.unit
+    if suffix in STEP_SUFFIXES:
+        if stated is not None:
+            notes.append(f"The unit '{stated}' was not used: a STEP file names its own.")
+    elif stated is None:
+        notes.append(
+            f"No unit given: read in the default unit '{settings.default_unit}'; write "
+            "'unit: m' or 'unit: mm' in its YAML file."
+        )
+    elif sidecar.unit not in (None, stated):
+        notes.append(f"Unit '{stated}' as asked, though its YAML file says '{sidecar.unit}'.")
+    mesh, report = parse_mesh(data, suffix, stated or settings.default_unit, path.name, settings)
+    return _part(mesh_id, mesh, report, sidecar, settings, notes)
+
+
+def _part(
+    mesh_id: str,
+    mesh: TriangleMesh,
+    report: MeshReport,
+    sidecar: Sidecar,
+    settings: CatalogueSettings,
+    notes: list[str],
+) -> Part:
+    center = report.center_of_volume
+    if sidecar.center_of_mass is not None:
+        center = sidecar.center_of_mass
+        low, high = mesh.bounds - 0.5 * np.array([[1.0], [-1.0]]) * mesh.extent
+        if not ((center >= low) & (center <= high)).all():
+            raise MeshError(
+                f"The center_of_mass {center.tolist()} of '{mesh_id}' lies far outside the mesh "
+                f"({mesh.bounds[0].round(4).tolist()} to {mesh.bounds[1].round(4).tolist()} m). "
+                "It is in metres, in the mesh file's frame.",
+                ErrorCode.MESH_SIDECAR_INVALID,
+            )
+    mass = sidecar.mass
+    if mass is None:
+        density = sidecar.density
+        if density is None:
+            density = settings.default_density_kg_m3
+            notes.append(f"No mass or density given: {density:g} kg/m3 assumed.")
+        mass = density * report.volume
+    return Part(
+        mesh_id=mesh_id,
+        mesh=mesh,
+        center_of_mass=center,
+        mass=mass,
+        volume=report.volume,
+        watertight=report.watertight,
+        friction=sidecar.friction,
+        notes=(*report.notes, *notes),
+    )
+
+
+def _read_sidecar(path: Path, mesh_id: str, inside: Path | None) -> Sidecar:
+    names = [base + s for base in (path.name, path.stem) for s in SIDECAR_SUFFIXES]
+    found = [p for p in (path.with_name(n) for n in names) if p.exists() or p.is_symlink()]
+    if len(found) > 1:
+        raise MeshError(
+            f"Mesh '{mesh_id}' has several YAML files ({', '.join(p.name for p in found)}). "
+            "Keep one.",
+            ErrorCode.MESH_SIDECAR_INVALID,
+        )
+    if not found:
+        return Sidecar()
+    if inside is not None:
+        _check_inside(found[0], inside, mesh_id)
+    try:
+        data = read_regular_file(found[0], MAX_SIDECAR_BYTES)
+    except MeshError as error:
+        if error.code == ErrorCode.MESH_EMPTY:
+            return Sidecar()
+        raise MeshError(str(error), ErrorCode.MESH_SIDECAR_INVALID) from None
+    return parse_sidecar(data, found[0].name)
+
+
+def _files_by_stem(directory: Path) -> dict[str, list[Path]]:
+    """Regular mesh files with allowed names that lie inside a directory, sorted."""
+    stems: dict[str, list[Path]] = {}
+    for path in _mesh_paths(directory):
+        if _inside(path, directory):
+            stems.setdefault(path.stem, []).append(path)
+    return stems
+
+
+def _matches(directory: Path, mesh_id: str) -> list[Path]:
+    return [p for p in _mesh_paths(directory) if mesh_id in (p.name, p.stem)]
+
+
+def _mesh_paths(directory: Path) -> list[Path]:
+    try:
+        paths = sorted(directory.iterdir())
+    except OSError:
+        return []  # a directory that went away knows no IDs
+    return [p for p in paths if p.suffix.lower() in INSPECTORS and ID_PATTERN.fullmatch(p.stem)]
+
+
+def _inside(path: Path, directory: Path) -> bool:
+    try:
+        resolved = path.resolve(strict=True)
+        return resolved.is_relative_to(directory) and stat.S_ISREG(resolved.stat().st_mode)
+    except (OSError, RuntimeError):
+        return False
+
+
+def _check_inside(path: Path, directory: Path, mesh_id: str) -> None:
+    if not _inside(path, directory):
+        raise RequestError(
+            f"Mesh ID '{mesh_id}' does not name a regular file inside the catalogue (a link out "
+            "of it, a pipe or a device). Put the file itself there.",
+            ErrorCode.INVALID_MESH_ID,
+        )
+
+
+def _advice(mesh_id: str, known: list[str]) -> str:
+    if not known:
+        return "The catalogue is empty: put mesh files into its directory."
+    folded = {k.lower(): k for k in known}
+    near = [
+        folded[m]
+        for m in difflib.get_close_matches(mesh_id.lower(), folded, NEAREST_IDS, cutoff=0.4)
+    ]
+    near += [k for k in known if k not in near and mesh_id.lower() in k.lower()]
+    if near:
+        return f"Nearest known IDs: {', '.join(near[:NEAREST_IDS])}."
+    more = "" if len(known) <= 10 else f" and {len(known) - 10} more"
+    return f"Known IDs: {', '.join(known[:10])}{more}."
+
+
+def _shown(mesh_id: object) -> str:
+    text = ascii(mesh_id)
+    return text if len(text) <= 80 else f"{text[:76]}...'"

@@ -1,0 +1,53 @@
+"""Settings of everything that reads mesh files: limits, the default unit, the default density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpis_grasp_planner.settings import SettingsGroup, setting
+
+
+@dataclass(frozen=True)
+class CatalogueSettings(SettingsGroup):
+    """What a mesh file may be, and what is assumed where neither it nor its sidecar says."""
+
+    default_unit: str = setting(
+        "m",
+        choices=("m", "mm"),
+        description="Unit of a mesh file that has no sidecar naming one; the answer says so.",
+    )
+    max_file_bytes: int = setting(
+        64_000_000,
+        low=1_000,
+        high=2_000_000_000,
+        description="Larger files are refused before they are read.",
+    )
+    max_faces: int = setting(
+        300_000,
+        low=100,
+        high=10_000_000,
+        description="Meshes with more triangles are refused, from the header where there is one.",
+    )
+    min_extent_m: float = setting(
+        0.005,
+        low=1e-6,
+        high=10.0,
+        description="A part whose largest extent is smaller is refused as a mistake of units.",
+    )
+    max_extent_m: float = setting(
+        1.0,
+        low=1e-3,
+        high=1000.0,
+        description="A part whose largest extent is larger is refused as a mistake of units.",
+    )
+    degenerate_faces: str = setting(
+        "refuse",
+        choices=("refuse", "drop"),
+        description="Faces without area: refuse the file, or drop them and say so.",
+    )
+    default_density_kg_m3: float = setting(
+        1000.0,
+        low=1.0,
+        high=30_000.0,
+        description="Density of a part whose sidecar gives neither mass, density nor material.",
+    )

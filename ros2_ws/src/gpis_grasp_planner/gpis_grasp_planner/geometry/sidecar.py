@@ -1,0 +1,162 @@
+"""The YAML file beside a mesh: what the mesh itself does not say. Every key is optional.
+
+Strict: an unknown key, a key given twice or a value of the wrong kind is an error that names
+what is allowed, because a misspelt ``unit`` would otherwise be a part a thousand times too large.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import yaml
+
+from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.materials import MATERIALS
+from gpis_grasp_planner.geometry.part import Friction
+
+MAX_SIDECAR_BYTES = 64_000
+KEYS = ("unit", "mass", "density", "center_of_mass", "friction", "material", "description")
+MAX_MASS_KG = 1000.0
+MAX_DENSITY_KG_M3 = 30_000.0
+MAX_FRICTION = 10.0
+MAX_COORDINATE_M = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sidecar:
+    """What a sidecar says; None where it says nothing.
+
+    Attributes
+    ----------
+    unit : 'm' or 'mm' or None
+    mass : float or None [kg]
+    density : float or None [kg/m^3]; the material's if only that is named
+    center_of_mass : (3,) array or None [m], in the mesh file's frame
+    friction : Friction or None; the material's if only that is named
+    """
+
+    unit: str | None = None
+    mass: float | None = None
+    density: float | None = None
+    center_of_mass: np.ndarray[Any, np.dtype[np.float64]] | None = None
+    friction: Friction | None = None
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Safe YAML in which a key given twice is an error."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key_node, _ in node.value:
+            key = getattr(key_node, "value", None)
+            if isinstance(key, str) and key in seen:
+                raise yaml.constructor.ConstructorError(
+                    problem=f"key '{key[:40]}' is given twice", problem_mark=key_node.start_mark
+                )
+            if isinstance(key, str):
+                seen.add(key)
+        return super().construct_mapping(node, deep=deep)
+
+
+def parse_sidecar(data: bytes, name: str) -> Sidecar:
+    """Validate the bytes of a sidecar called `name`; MESH_SIDECAR_INVALID names what is wrong."""
+    if len(data) > MAX_SIDECAR_BYTES:
+        raise _invalid(name, f"has {len(data)} bytes, the limit is {MAX_SIDECAR_BYTES}")
+    try:
+        # _StrictLoader is a SafeLoader: it builds plain values only.
+        content = yaml.load(data.decode("utf-8"), Loader=_StrictLoader)
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark is not None else ""
+        problem = getattr(error, "problem", None) or type(error).__name__
+        raise _invalid(name, f"is not valid YAML ({problem}{where})") from None
+    if content is None:
+        return Sidecar()
+    if not isinstance(content, Mapping):
+        raise _invalid(name, f"must be keys and values, such as 'unit: mm'; known: {_list(KEYS)}")
+    unknown = sorted(reprlib.repr(k) for k in content if k not in KEYS)
+    if unknown:
+        raise _invalid(name, f"has the unknown key {_list(unknown)}; known are {_list(KEYS)}")
+    return _sidecar(content, name)
+
+
+def _sidecar(content: Mapping[str, Any], name: str) -> Sidecar:
+    unit = content.get("unit")
+    if unit is not None and unit not in ("m", "mm"):
+        raise _invalid(name, f"has unit {reprlib.repr(unit)}; choose m or mm")
+    if "mass" in content and "density" in content:
+        raise _invalid(name, "gives both mass and density; keep one")
+    material = content.get("material")
+    if material is not None and (not isinstance(material, str) or material not in MATERIALS):
+        raise _invalid(
+            name,
+            f"has material {reprlib.repr(material)}; known are {_list(MATERIALS)}. Others: give "
+            "density and friction instead",
+        )
+    known = MATERIALS.get(material) if material is not None else None
+    mass = density = None
+    if "mass" in content:
+        mass = _number(content["mass"], "mass", "kg", MAX_MASS_KG, name)
+    elif "density" in content:
+        density = _number(content["density"], "density", "kg/m3", MAX_DENSITY_KG_M3, name)
+    elif known is not None:
+        density = known.density
+    friction = known.friction if known is not None else None
+    if "friction" in content:
+        friction = _friction(content["friction"], name)
+    center = content.get("center_of_mass")
+    if not isinstance(content.get("description", ""), str):
+        raise _invalid(name, "has a description that is not a text")
+    return Sidecar(unit, mass, density, None if center is None else _point(center, name), friction)
+
+
+def _friction(value: Any, name: str) -> Friction:
+    if not isinstance(value, Mapping):
+        mu = _number(value, "friction", "", MAX_FRICTION, name)
+        return Friction(mu, mu)
+    if set(value) != {"finger", "palm"}:
+        raise _invalid(name, "must give friction as one number, or as both finger and palm")
+    finger = _number(value["finger"], "friction of the finger", "", MAX_FRICTION, name)
+    return Friction(finger, _number(value["palm"], "friction of the palm", "", MAX_FRICTION, name))
+
+
+def _point(value: Any, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    numbers = value if isinstance(value, list) else []
+    if len(numbers) != 3 or not all(_is_number(v) for v in numbers):
+        raise _invalid(
+            name, f"has center_of_mass {reprlib.repr(value)}; give three numbers [x, y, z] in m"
+        )
+    point = np.array(numbers, dtype=np.float64)
+    if not (np.abs(point) <= MAX_COORDINATE_M).all():
+        raise _invalid(
+            name,
+            f"has center_of_mass {reprlib.repr(value)}; it is in metres, at most "
+            f"{MAX_COORDINATE_M:g} from the origin",
+        )
+    return point
+
+
+def _number(value: Any, what: str, unit: str, high: float, name: str) -> float:
+    if not _is_number(value) or not 0.0 < value <= high:
+        limit = f"above 0 and at most {high:g} {unit}".rstrip()
+        raise _invalid(name, f"has {what} {reprlib.repr(value)}; it must be {limit}")
+    return float(value)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return math.isfinite(value) if isinstance(value, float) else abs(value) < 10**18
+
+
+def _list(words: Any) -> str:
+    return ", ".join(words)
+
+
+def _invalid(name: str, what: str) -> MeshError:
+    return MeshError(f"{name} {what}.", ErrorCode.MESH_SIDECAR_INVALID)
