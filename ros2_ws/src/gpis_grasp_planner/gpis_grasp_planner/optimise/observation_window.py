@@ -1,0 +1,46 @@
+"""Which observations an exact Gaussian process keeps when there are too many.
+
+Half of the window are the best ones, where expected improvement is decided; the other half are
+spread as widely as possible over the features, so that a region once found poor is not forgotten
+and searched again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def choose_window(features: Array, targets: Array, size: int) -> NDArray[np.intp]:
+    """Indices, ascending, of at most `size` of the observations.
+
+    Parameters
+    ----------
+    features : (n, p) array
+    targets : (n,) array
+        Larger is better.
+    size : int
+
+    Notes
+    -----
+    Farthest-point selection; O(size n p), without randomness.
+    """
+    n = len(targets)
+    if n <= size:
+        return np.arange(n)
+    order = np.argsort(-targets, kind="stable")
+    chosen = list(order[: max(1, size // 2)])
+    spread = features.std(axis=0)
+    scaled = features / np.where(spread > 0, spread, 1.0)
+    nearest = np.full(n, np.inf)
+    for index in chosen:
+        nearest = np.minimum(nearest, ((scaled - scaled[index]) ** 2).sum(axis=1))
+    nearest[chosen] = -1.0
+    while len(chosen) < size:
+        index = int(np.argmax(nearest))
+        chosen.append(index)
+        nearest = np.minimum(nearest, ((scaled - scaled[index]) ** 2).sum(axis=1))
+        nearest[chosen] = -1.0
+    return np.sort(np.asarray(chosen, dtype=np.intp))
