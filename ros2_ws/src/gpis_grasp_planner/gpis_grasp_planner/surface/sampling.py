@@ -1,0 +1,103 @@
+"""Evenly spread samples with normals on a triangle mesh (Poisson disks by dart throwing)."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+
+Array = NDArray[np.float64]
+
+# Random disks of diameter s fill 54.7 % of a plane before no further one fits, so n of them need
+# s = sqrt(0.547 * 4 / pi * area / n).
+_SATURATION = 0.547
+_CANDIDATES_PER_SAMPLE = 8
+_OPPOSED = -0.5
+_CELLS_PER_AXIS = 128
+
+
+def sample_uniform(mesh: TriangleMesh, n: int, seed: int) -> tuple[Array, NDArray[np.intp]]:
+    """Draw `n` independent points, uniform over the area: points (n, 3) and their faces (n,)."""
+    rng = np.random.default_rng(seed)
+    area = mesh.face_areas
+    total = float(area.sum())
+    if not total > 0.0 or not math.isfinite(total):
+        raise MeshError(
+            f"The mesh has a surface of {total} m^2; a positive one is needed to sample it. "
+            "Check that its faces are not degenerate.",
+            ErrorCode.MESH_DEGENERATE,
+        )
+    # Stratified in the cumulated area: even small faces get their share.
+    u = (np.arange(n) + rng.random(n)) / n
+    face = np.searchsorted(np.cumsum(area) / total, u).clip(0, len(area) - 1)
+    s, t = rng.random((2, n))
+    flip = s + t > 1.0
+    s[flip], t[flip] = 1.0 - s[flip], 1.0 - t[flip]
+    a, b, c = np.moveaxis(mesh.triangles[face], 1, 0)
+    return a + s[:, None] * (b - a) + t[:, None] * (c - a), face
+
+
+def sample_surface(mesh: TriangleMesh, n: int, seed: int) -> tuple[Array, Array]:
+    """About `n` evenly spread samples of the surface and their outward unit normals.
+
+    Samples of one side of a wall keep their distance from each other, not from those of the
+    other side.
+
+    Returns
+    -------
+    points : (m, 3) array [m]
+    normals_outward : (m, 3) array
+    """
+    candidates, face = sample_uniform(mesh, _CANDIDATES_PER_SAMPLE * n, seed)
+    normals = mesh.face_normals_outward[face]
+    order = np.random.default_rng([seed, 1]).permutation(len(candidates))
+    candidates, normals = candidates[order], normals[order]
+    spacing = math.sqrt(4.0 * _SATURATION / math.pi * float(mesh.face_areas.sum()) / n)
+    cell = max(spacing, float(mesh.extent.max()) / _CELLS_PER_AXIS)
+    keep = _throw_darts(candidates, normals, np.full(len(candidates), spacing), cell)
+    return candidates[keep], normals[keep]
+
+
+@numba.njit(cache=True, nogil=True)
+def _throw_darts(p: Array, normal: Array, spacing: Array, cell: float) -> NDArray[np.bool_]:
+    """Keep, in the given order, points with no kept one nearer than their own spacing.
+
+    Only kept points whose normal is not opposed count as near. `cell` >= every spacing; kept
+    points hang in linked lists, one a cell.
+    """
+    n = p.shape[0]
+    low = np.empty(3)
+    size = np.empty(3, dtype=np.int64)
+    for t in range(3):
+        low[t] = p[:, t].min()
+        size[t] = int((p[:, t].max() - low[t]) / cell) + 1
+    head = np.full((size[0] + 2, size[1] + 2, size[2] + 2), -1, dtype=np.int64)
+    following = np.full(n, -1, dtype=np.int64)
+    keep = np.zeros(n, dtype=np.bool_)
+    for i in range(n):
+        x = int((p[i, 0] - low[0]) / cell) + 1
+        y = int((p[i, 1] - low[1]) / cell) + 1
+        z = int((p[i, 2] - low[2]) / cell) + 1
+        free = True
+        for k in range(27):
+            if not free:
+                break
+            j = head[x - 1 + k // 9, y - 1 + k // 3 % 3, z - 1 + k % 3]
+            while j >= 0 and free:
+                r2 = 0.0
+                cosine = 0.0
+                for t in range(3):
+                    r2 += (p[i, t] - p[j, t]) ** 2
+                    cosine += normal[i, t] * normal[j, t]
+                free = r2 >= spacing[i] * spacing[i] or cosine <= _OPPOSED
+                j = following[j]
+        if free:
+            following[i] = head[x, y, z]
+            head[x, y, z] = i
+            keep[i] = True
+    return keep
