@@ -68,7 +68,7 @@ workspace() {
         export VIRTUAL_ENV=$venv PATH=$venv/bin:$PATH
         export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv
         cd ros2_ws
-        colcon build --symlink-install --event-handlers console_cohesion+ \
+        colcon --log-level error build --symlink-install \
             --cmake-args -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="$venv/bin/python"
     )
 }
