@@ -3,10 +3,13 @@
 # the planner's console scripts, warm compiled code. Each stage that has succeeded leaves a stamp
 # with the hash of what it depended on, so a second run does nothing, an interrupted one goes on
 # where it stopped, and a changed lock or message file redoes what follows from it.
+#
+#   scripts/setup.sh [LAST_STAGE]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 root=$PWD
+last_stage=${1:-}
 venv=$root/.venv
 stamps=$venv/stamps
 planner=ros2_ws/src/gpis_grasp_planner
@@ -29,16 +32,17 @@ key() {
 
 # stage NAME KEY COMMAND...: run the command unless it has succeeded with this very key.
 stage() {
-    local name=$1 key=$2
+    local name=$1 key=$2 start=$SECONDS
     shift 2
-    [ "$(cat "$stamps/$name" 2>/dev/null)" = "$key" ] && return
-    echo "== $name"
-    local start=$SECONDS
-    rm -f "$stamps/$name"
-    "$@"
-    mkdir -p "$stamps"
-    echo "$key" >"$stamps/$name"
-    echo "== $name: done in $((SECONDS - start)) s"
+    if [ "$(cat "$stamps/$name" 2>/dev/null)" != "$key" ]; then
+        echo "== $name"
+        rm -f "$stamps/$name"
+        "$@"
+        mkdir -p "$stamps"
+        echo "$key" >"$stamps/$name"
+        echo "== $name: done in $((SECONDS - start)) s"
+    fi
+    [ "$name" != "$last_stage" ] || exit 0
 }
 
 virtual_environment() {
