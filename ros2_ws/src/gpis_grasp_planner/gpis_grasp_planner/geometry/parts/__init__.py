@@ -1,0 +1,1 @@
+"""The shipped parts: generator modules, and the meshes they made in ``meshes/``."""
