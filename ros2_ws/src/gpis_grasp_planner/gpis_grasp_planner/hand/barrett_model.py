@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,14 +97,14 @@ def _rotation_z(angle_deg: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def build_urdf() -> ElementTree.Element:
+def build_urdf() -> ET.Element:
     """The URDF as an element tree; mesh names are relative to the URDF's folder."""
     pieces = barrett_pieces()
     palm, block = split_palm(pieces["block"])
-    robot = ElementTree.Element("robot", name=MODEL_NAME)
+    robot = ET.Element("robot", name=MODEL_NAME)
     for name, rgb in COLORS.items():
-        material = ElementTree.SubElement(robot, "material", name=name)
-        ElementTree.SubElement(material, "color", rgba=_text((*rgb, 1.0)))
+        material = ET.SubElement(robot, "material", name=name)
+        ET.SubElement(material, "color", rgba=_text((*rgb, 1.0)))
     _link(robot, "bh_palm_link", palm, pieces["palm"], "palm")
     knuckle = uniform_inertial(KNUCKLE_MASS_KG, pieces["knuckle"])
     for finger in (1, 2):
@@ -115,11 +115,11 @@ def build_urdf() -> ElementTree.Element:
         for finger in (1, 2, 3):
             _link(robot, f"bh_finger_{finger}_{part}_link", inertial, pieces[part], "finger")
     _joints(robot)
-    ElementTree.indent(robot)
+    ET.indent(robot)
     return robot
 
 
-def _joints(robot: ElementTree.Element) -> None:
+def _joints(robot: ET.Element) -> None:
     height = SPREAD_FRAME_HEIGHT_MM / 1000.0
     offset = SPREAD_AXIS_OFFSET_MM / 1000.0
     half_turn = np.pi / 2
@@ -137,7 +137,7 @@ def _joints(robot: ElementTree.Element) -> None:
             spread_limit,
         )
         if finger == 2:
-            ElementTree.SubElement(joint, "mimic", joint="bh_j11_joint", multiplier="1")
+            ET.SubElement(joint, "mimic", joint="bh_j11_joint", multiplier="1")
     _joint(
         robot,
         "bh_finger_3_knuckle_joint",
@@ -166,56 +166,52 @@ def _joints(robot: ElementTree.Element) -> None:
             distal_limit,
         )
         # Holds before breakaway only; see hand.drive.
-        ElementTree.SubElement(
-            joint, "mimic", joint=f"bh_j{finger}2_joint", multiplier=_text((1.0 / 3.0,))
-        )
+        ET.SubElement(joint, "mimic", joint=f"bh_j{finger}2_joint", multiplier=_text((1.0 / 3.0,)))
 
 
 def _link(
-    robot: ElementTree.Element,
+    robot: ET.Element,
     name: str,
     body: Inertial,
     pieces: tuple[tuple[str, TriangleMesh], ...],
     material: str,
 ) -> None:
-    link = ElementTree.SubElement(robot, "link", name=name)
-    inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=_text(body.center), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=_text((body.mass,)))
+    link = ET.SubElement(robot, "link", name=name)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=_text(body.center), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=_text((body.mass,)))
     entries = {
         f"i{'xyz'[i]}{'xyz'[j]}": _text((body.inertia[i, j],))
         for i in range(3)
         for j in range(i, 3)
     }
-    ElementTree.SubElement(inertial, "inertia", entries)
+    ET.SubElement(inertial, "inertia", entries)
     for role in ("visual", "collision"):
         for piece, _ in pieces:
-            shape = ElementTree.SubElement(link, role, name=f"{piece}_{role}")
-            geometry = ElementTree.SubElement(shape, "geometry")
-            ElementTree.SubElement(geometry, "mesh", filename=f"meshes/{piece}.stl")
+            shape = ET.SubElement(link, role, name=f"{piece}_{role}")
+            geometry = ET.SubElement(shape, "geometry")
+            ET.SubElement(geometry, "mesh", filename=f"meshes/{piece}.stl")
             if role == "visual":
-                ElementTree.SubElement(shape, "material", name=material)
+                ET.SubElement(shape, "material", name=material)
 
 
 def _joint(
-    robot: ElementTree.Element,
+    robot: ET.Element,
     name: str,
     links: tuple[str, str],
     origin: tuple[tuple[float, float, float], tuple[float, float, float]],
     axis: tuple[float, float, float] | None = None,
     limit: tuple[float, float, float] | None = None,
-) -> ElementTree.Element:
+) -> ET.Element:
     kind = "fixed" if axis is None else "revolute"
-    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
-    ElementTree.SubElement(joint, "parent", link=links[0])
-    ElementTree.SubElement(joint, "child", link=links[1])
-    ElementTree.SubElement(joint, "origin", xyz=_text(origin[0]), rpy=_text(origin[1]))
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=links[0])
+    ET.SubElement(joint, "child", link=links[1])
+    ET.SubElement(joint, "origin", xyz=_text(origin[0]), rpy=_text(origin[1]))
     if axis is not None and limit is not None:
         upper, velocity, effort = (_text((value,)) for value in limit)
-        ElementTree.SubElement(joint, "axis", xyz=_text(axis))
-        ElementTree.SubElement(
-            joint, "limit", lower="0", upper=upper, velocity=velocity, effort=effort
-        )
+        ET.SubElement(joint, "axis", xyz=_text(axis))
+        ET.SubElement(joint, "limit", lower="0", upper=upper, velocity=velocity, effort=effort)
     return joint
 
 
@@ -231,8 +227,8 @@ def write_model(directory: Path) -> None:
     for pieces in barrett_pieces().values():
         for name, mesh in pieces:
             write_stl(mesh, meshes / f"{name}.stl")
-    tree = ElementTree.ElementTree(build_urdf())
-    with open(directory / f"{MODEL_NAME}.urdf", "wb") as file:
+    tree = ET.ElementTree(build_urdf())
+    with (directory / f"{MODEL_NAME}.urdf").open("wb") as file:
         tree.write(file, encoding="utf-8", xml_declaration=True)
         file.write(b"\n")
 

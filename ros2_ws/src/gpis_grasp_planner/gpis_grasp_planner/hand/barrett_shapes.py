@@ -104,10 +104,22 @@ def plate_outline() -> Array:
 
 
 def palm_plate() -> Array:
-    """Palm plate, z 66.3..79.3, domed: its top falls by 2.5 mm from the middle to the rim."""
-    rings = ((1.0, PLATE_BOTTOM_MM), (1.0, 73.5), (0.955, 76.8), (0.65, 78.2), (0.3, PLATE_TOP_MM))
+    """Palm plate, z 66.3..79.3, domed: its top falls by 2.5 mm from the middle to the rim.
+
+    Its edge towards F1 and F2 is beveled so that their inner links clear it up to their 140 deg.
+    """
     outline = plate_outline()
-    return np.vstack([np.insert(outline * scale, 2, z, axis=1) for scale, z in rings])
+    rim_height = np.where(outline[:, 1] < -28.0, 68.5, 73.5)
+    shoulder = np.column_stack([outline[:, 0] * 0.955, np.maximum(outline[:, 1] * 0.955, -26.0)])
+    return np.vstack(
+        [
+            np.insert(outline, 2, PLATE_BOTTOM_MM, axis=1),
+            np.column_stack([outline, rim_height]),
+            np.insert(shoulder, 2, 76.8, axis=1),
+            np.insert(outline * 0.62, 2, 78.2, axis=1),
+            np.insert(outline * 0.3, 2, PLATE_TOP_MM, axis=1),
+        ]
+    )
 
 
 def knuckle_hub() -> Array:
@@ -142,8 +154,8 @@ def inner_link() -> Array:
         [
             arc((0.0, 0.0), 12.5, 90.0, 270.0, 13),
             arc(DISTAL_AXIS_MM, 9.5, -90.0, 90.0, 11),
-            # The crown's run is a choice: tangent to neither end it stays inside y = 15.
-            crown((34.0, 15.0), 150.0, 14.0, 54.0, 7),
+            # Where the crown culminates is a choice; this far out the link clears the palm.
+            crown((44.0, 15.0), 150.0, 28.0, 60.0, 7),
         ]
     )
     return bar(outline, INNER_WIDTH_MM / 2, 1.5)

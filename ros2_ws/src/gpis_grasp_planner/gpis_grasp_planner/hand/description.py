@@ -130,7 +130,7 @@ def load_hand(name: str = DEFAULT_HAND) -> HandDescription:
         raise RequestError(f"Unknown hand '{name}'; known are {', '.join(available_hands())}.")
     folder = _models() / name
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    with open(folder / f"{name}.yaml", encoding="utf-8") as file:
+    with (folder / f"{name}.yaml").open(encoding="utf-8") as file:
         data = yaml.load(file, Loader=loader)
     urdf_path = folder / data["urdf"]
     tree = read_urdf(urdf_path)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,8 +69,8 @@ def read_urdf(path: Path) -> UrdfTree:
         If a collision mesh is missing or damaged.
     """
     try:
-        robot = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        robot = ET.parse(path).getroot()
+    except (OSError, ET.ParseError) as error:
         raise RequestError(
             f"Cannot read the hand's URDF '{path}': {error}. Correct or reinstall it.",
             ErrorCode.INVALID_SETTING,
@@ -130,16 +130,14 @@ def read_urdf(path: Path) -> UrdfTree:
 
 def with_mesh_uris(path: Path, mesh_uri_prefix: str) -> str:
     """The URDF's text with `mesh_uri_prefix` put before every mesh name."""
-    robot = ElementTree.parse(path).getroot()
+    robot = ET.parse(path).getroot()
     prefix = mesh_uri_prefix.rstrip("/")
     for mesh in robot.iter("mesh"):
         mesh.set("filename", f"{prefix}/{mesh.get('filename')}")
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+    return ET.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
-def _from_root(
-    names: list[str], joint_of_child: dict[str, ElementTree.Element], path: Path
-) -> list[str]:
+def _from_root(names: list[str], joint_of_child: dict[str, ET.Element], path: Path) -> list[str]:
     """Links with parents before children, otherwise in the file's order."""
     order: list[str] = [name for name in names if name not in joint_of_child]
     if len(order) != 1:
@@ -154,9 +152,7 @@ def _from_root(
     return order
 
 
-def _collision(
-    path: Path, links: list[ElementTree.Element]
-) -> tuple[tuple[TriangleMesh, ...], ...]:
+def _collision(path: Path, links: list[ET.Element]) -> tuple[tuple[TriangleMesh, ...], ...]:
     files: dict[str, TriangleMesh] = {}
     result = []
     for link in links:
@@ -179,7 +175,7 @@ def _collision(
     return tuple(result)
 
 
-def _origin(element: ElementTree.Element) -> Array:
+def _origin(element: ET.Element) -> Array:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
@@ -188,14 +184,14 @@ def _origin(element: ElementTree.Element) -> Array:
     return transform(R, _numbers(origin.get("xyz", "0 0 0")))
 
 
-def _element(parent: ElementTree.Element, tag: str) -> ElementTree.Element:
+def _element(parent: ET.Element, tag: str) -> ET.Element:
     found = parent.find(tag)
     if found is None:
         raise RequestError(f"Joint '{parent.get('name')}' of the hand's URDF has no <{tag}>.")
     return found
 
 
-def _child(joint: ElementTree.Element, tag: str) -> str:
+def _child(joint: ET.Element, tag: str) -> str:
     return _element(joint, tag).get("link", "")
 
 
