@@ -257,7 +257,15 @@ def _box_gap(R, t, box_low, box_high, low, high):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def polytope_mesh(vertices, R, t, box_low, box_high, limit, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
+def _lowest(vertices, nx, ny, nz):  # type: ignore[no-untyped-def]
+    low = np.inf
+    for i in range(vertices.shape[0]):
+        low = min(low, nx * vertices[i, 0] + ny * vertices[i, 1] + nz * vertices[i, 2])
+    return low
+
+
+@njit(cache=True, nogil=True)
+def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
     """Distance of a convex polytope from a mesh, or `limit` where it is at least that.
 
     Parameters
@@ -269,6 +277,8 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, triangles, lower, up
     box_low, box_high : (3,) arrays
         The polytope's box in its own frame.
     limit : float [m]
+    seed : int
+        A triangle to start with, such as the one that is near, or -1. A good one prunes most.
     triangles, lower, upper, child
         Arrays of the mesh's `TriangleTree`.
     """
@@ -279,10 +289,19 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, triangles, lower, up
     direction = np.zeros(3)
     p = np.empty(3)
     q = np.empty(3)
+    if seed >= 0:
+        d = polytope_distance(vertices, triangles[seed], 1e30, direction, p, q)
+        if d <= 0.0:
+            return 0.0
     # separating plane of the best pair so far: all of the polytope has n.x >= plane
     nx = ny = nz = 0.0
     plane = 0.0
     have_plane = False
+    if seed >= 0:
+        best = min(best, d)
+        nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
+        plane = _lowest(vertices, nx, ny, nz)
+        have_plane = True
     while top > 0:
         top -= 1
         node = stack[top]
@@ -316,9 +335,43 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, triangles, lower, up
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                plane = np.inf
-                for i in range(vertices.shape[0]):
-                    h = nx * vertices[i, 0] + ny * vertices[i, 1] + nz * vertices[i, 2]
-                    plane = min(plane, h)
+                plane = _lowest(vertices, nx, ny, nz)
                 have_plane = True
     return best
+
+
+@njit(cache=True, nogil=True)
+def near_pairs(
+    vertices, R, t, box_low, box_high, limit, triangles, lower, upper, child, p_self, p_other
+):  # type: ignore[no-untyped-def]
+    """Nearest points of a polytope with every triangle nearer than `limit`.
+
+    Fills rows of `p_self` and `p_other` (k, 3), as many as they hold, and returns the number.
+    Other parameters as for `polytope_mesh`.
+    """
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 0
+    top = 1
+    count = 0
+    direction = np.zeros(3)
+    p = np.empty(3)
+    q = np.empty(3)
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if _box_gap(R, t, box_low, box_high, lower[node], upper[node]) >= limit:
+            continue
+        if child[node, 0] >= 0:
+            stack[top] = child[node, 0]
+            stack[top + 1] = child[node, 1]
+            top += 2
+            continue
+        first = -1 - child[node, 0]
+        for f in range(first, first + child[node, 1]):
+            d = polytope_distance(vertices, triangles[f], limit, direction, p, q)
+            if 0.0 < d < limit and count < p_self.shape[0]:
+                for c in range(3):
+                    p_self[count, c] = p[c]
+                    p_other[count, c] = q[c]
+                count += 1
+    return count

@@ -78,9 +78,16 @@ def hull_quality(wrenches: Array) -> Quality:
     """
     if len(wrenches) < 7:
         return Quality(NO_FORCE_CLOSURE, 0.0)
-    try:
-        hull = ConvexHull(wrenches)
-    except QhullError:
+    hull = None
+    # Many contacts on one plane give facets that Qhull cannot merge safely; Q12 lets it merge
+    # widely, QJ joggles the input by 1e-11 or so instead.
+    for options in ("Qt Qx", "Qt Qx Q12", "QJ"):
+        try:
+            hull = ConvexHull(wrenches, qhull_options=options)
+            break
+        except QhullError:
+            continue
+    if hull is None:
         return Quality(NO_FORCE_CLOSURE, 0.0)
     nearest = float(np.min(-hull.equations[:, -1]))
     return Quality(nearest if nearest > 0.0 else NO_FORCE_CLOSURE, float(hull.volume))

@@ -1,0 +1,105 @@
+"""The narrow interface between the planner and whatever closes the hand.
+
+The planner sees palm poses in and closed hands out, many at a time. Two evaluators implement it:
+the compiled one (`scene.compiled_evaluator`), which the search uses, and PyBullet's
+(`scene.bullet_evaluator`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.quality.contacts import Contacts
+
+Array = NDArray[np.float64]
+
+
+class AttemptStatus(IntEnum):
+    """How an attempt to grasp ended."""
+
+    GRASPED = 0
+    PALM_COLLISION = 1
+    SELF_COLLISION = 2
+    TOO_FEW_CONTACTS = 3
+    NO_WAY_BACK = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Attempts:
+    """Results of B attempts, in the object's frame.
+
+    Attributes
+    ----------
+    T_object_palm : (B, 4, 4) array
+    spread : (B,) array [rad]
+        Spread of the hand before it closed.
+    status : (B,) int array of AttemptStatus
+    joints : (B, J) array [rad]
+        The closed hand.
+    n_contacts : (B,) int array
+    positions, normals_inward : (B, K, 3) arrays
+    friction, links : (B, K) arrays
+        Contacts; rows beyond `n_contacts` are not set.
+    epsilon : (B,) array
+        -1 without force closure. May be an upper bound (`fast_epsilon`).
+    volume : (B,) array
+        Estimate of the wrench space's volume.
+    """
+
+    T_object_palm: Array
+    spread: Array
+    status: NDArray[np.int64]
+    joints: Array
+    n_contacts: NDArray[np.int64]
+    positions: Array
+    normals_inward: Array
+    friction: Array
+    links: NDArray[np.int64]
+    epsilon: Array
+    volume: Array
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def objective(self, volume_weight: float) -> Array:
+        """The paper's f_obj = 1(epsilon) epsilon + lambda volume, (B,); 0 for failed attempts."""
+        value = np.maximum(self.epsilon, 0.0) + volume_weight * self.volume
+        return np.where(self.status == AttemptStatus.GRASPED, value, 0.0)
+
+    def contacts(self, index: int) -> Contacts:
+        """Contacts of one attempt."""
+        k = int(self.n_contacts[index])
+        return Contacts(
+            self.positions[index, :k].copy(),
+            self.normals_inward[index, :k].copy(),
+            self.friction[index, :k].copy(),
+            self.links[index, :k].astype(np.intp),
+        )
+
+
+class GraspEvaluator(Protocol):
+    """Closes the hand at palm poses, for one object and friction."""
+
+    @property
+    def n_attempts(self) -> int:
+        """Grasp attempts so far: hands closed or found in collision."""
+        ...
+
+    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
+        ...
+
+    def clear_palm(
+        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Move open hands along the normals until they are free of the object.
+
+        Poses (B, 4, 4) at lambda = 0, normals (B, 3), spreads (B,) [rad], extra distances (B,)
+        [m] to go back; returns the moved poses and which of them are free (B,).
+        """
+        ...

@@ -1,0 +1,140 @@
+"""One grasp attempt from palm pose to quality, compiled, and loops over many of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon
+from gpis_grasp_planner.scene.closing import close_hand
+from gpis_grasp_planner.scene.palm import clear_palm, hand_gap, retreat_is_free
+from gpis_grasp_planner.scene.posture import place_hand
+from gpis_grasp_planner.scene.touch import collect_contacts
+
+MAX_CONTACTS = 24
+
+GRASPED = 0
+PALM_COLLISION = 1
+SELF_COLLISION = 2
+TOO_FEW_CONTACTS = 3
+NO_WAY_BACK = 4
+
+
+@njit(cache=True, nogil=True)
+def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type: ignore[no-untyped-def]
+    """As `quality.wrench_space.contact_wrenches`, into out (k * edges, 6)."""
+    for i in range(k):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        if abs(nx) > 1.0 - 1e-7:
+            tx, ty, tz = ny, -nx, 0.0
+        else:
+            tx, ty, tz = 0.0, nz, -ny
+        length = np.sqrt(tx * tx + ty * ty + tz * tz)
+        bx, by, bz = tx / length, ty / length, tz / length
+        ax = by * nz - bz * ny
+        ay = bz * nx - bx * nz
+        az = bx * ny - by * nx
+        px = positions[i, 0] - obj.center_of_mass[0]
+        py = positions[i, 1] - obj.center_of_mass[1]
+        pz = positions[i, 2] - obj.center_of_mass[2]
+        for e in range(edges):
+            angle = 2.0 * np.pi * e / edges
+            c = friction[i] * np.cos(angle)
+            s = friction[i] * np.sin(angle)
+            fx = nx + c * ax + s * bx
+            fy = ny + c * ay + s * by
+            fz = nz + c * az + s * bz
+            row = out[i * edges + e]
+            row[0] = fx
+            row[1] = fy
+            row[2] = fz
+            row[3] = (py * fz - pz * fy) / obj.torque_scale
+            row[4] = (pz * fx - px * fz) / obj.torque_scale
+            row[5] = (px * fy - py * fx) / obj.torque_scale
+
+
+@njit(cache=True, nogil=True)
+def volume_estimate(W, k):  # type: ignore[no-untyped-def]
+    """A cheap stand-in for the hull's volume: that of the inertia ellipsoid, scaled.
+
+    The factor 1.7 k^1.7 for k contacts is a fit to exact volumes of grasps by planners; over
+    grasps the estimate's logarithm correlates with the volume's by 0.95. Ranking and answers use
+    the exact volume.
+    """
+    C = np.zeros((6, 6))
+    n = W.shape[0]
+    for i in range(n):
+        for a in range(6):
+            for b in range(6):
+                C[a, b] += W[i, a] * W[i, b] / n
+    d = np.linalg.det(C)
+    return 1.7 * k**1.7 * np.sqrt(d) if d > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def attempt(
+    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, min_epsilon,
+    joints, positions, normals, friction, links, R, t, work, other, wrenches,
+):  # type: ignore[no-untyped-def]
+    """Close the hand at palm pose T and measure. Returns (status, contacts, epsilon, volume)."""
+    joints[:] = 0.0
+    for k in range(hand.spread_joints.shape[0]):
+        joints[hand.spread_joints[k]] = spread
+    place_hand(hand, joints, T, R, t)
+    if hand_gap(hand, obj, R, t, threshold, work) <= 0.0:
+        return PALM_COLLISION, 0, -1.0, 0.0
+    touching = close_hand(hand, obj, joints, gap, R, t, work, other)
+    if touching < 0:
+        return SELF_COLLISION, 0, -1.0, 0.0
+    if touching == 0:
+        return TOO_FEW_CONTACTS, 0, -1.0, 0.0
+    k = collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links)
+    if k < 2:
+        return TOO_FEW_CONTACTS, k, -1.0, 0.0
+    for i in range(k):
+        friction[i] = obj.friction_palm if hand.link_is_palm[links[i]] else obj.friction_finger
+    pyramid_wrenches(obj, positions, normals, friction, k, edges, wrenches)
+    W = wrenches[: k * edges]
+    epsilon = fast_epsilon(W, directions, n_starts)
+    if epsilon > 0.0 and retreat > 0.0:
+        opened = np.zeros(hand.n_joints)
+        for i in range(hand.spread_joints.shape[0]):
+            opened[hand.spread_joints[i]] = spread
+        if not retreat_is_free(hand, obj, T, opened, retreat, 6, R, t, work):
+            return NO_WAY_BACK, k, -1.0, 0.0
+    return GRASPED, k, epsilon, volume_estimate(W, k)
+
+
+@njit(cache=True, nogil=True)
+def attempt_many(
+    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts,
+    status, count, epsilon, volume, joints, positions, normals, friction, links,
+):  # type: ignore[no-untyped-def]
+    """`attempt` for every row; the arrays are filled."""
+    n_links = hand.parent.shape[0]
+    R = np.empty((n_links, 3, 3))
+    t = np.empty((n_links, 3))
+    work = np.empty((512, 3))
+    other = np.empty((512, 3))
+    wrenches = np.empty((MAX_CONTACTS * edges, 6))
+    for b in range(T.shape[0]):
+        status[b], count[b], epsilon[b], volume[b] = attempt(
+            hand, obj, T[b], spread[b], gap, threshold, edges, retreat, directions, n_starts, -1.0,
+            joints[b], positions[b], normals[b], friction[b], links[b], R, t, work, other, wrenches,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def clear_many(hand, obj, T, normal, spread, step, reach, turn, gap, standoff, free):  # type: ignore[no-untyped-def]
+    """`clear_palm` for every row, in place in T; `free` tells which ended without collision."""
+    n_links = hand.parent.shape[0]
+    R = np.empty((n_links, 3, 3))
+    t = np.empty((n_links, 3))
+    work = np.empty((512, 3))
+    joints = np.zeros(hand.n_joints)
+    for b in range(T.shape[0]):
+        for k in range(hand.spread_joints.shape[0]):
+            joints[hand.spread_joints[k]] = spread[b]
+        free[b] = clear_palm(
+            hand, obj, T[b], normal[b], joints, step, reach, turn, gap, standoff[b], R, t, work
+        )

@@ -1,0 +1,196 @@
+"""Compiled forward kinematics and distances of the hand's links from the object and each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from gpis_grasp_planner.geometry.convex_distance import polytope_distance, polytope_mesh
+from gpis_grasp_planner.geometry.distance_field import field_value
+from gpis_grasp_planner.geometry.triangle_tree import nearest_point
+
+FEW_POINTS = 48
+
+
+@njit(cache=True, nogil=True)
+def place_link(hand, link, angle, R, t):  # type: ignore[no-untyped-def]
+    """Pose of one link from its parent's pose, in place in R (L, 3, 3) and t (L, 3)."""
+    parent = hand.parent[link]
+    Rp = R[parent]
+    tp = t[parent]
+    Rj = hand.R_parent_joint[link]
+    tj = hand.t_parent_joint[link]
+    for a in range(3):
+        t[link, a] = tp[a] + Rp[a, 0] * tj[0] + Rp[a, 1] * tj[1] + Rp[a, 2] * tj[2]
+    c = np.cos(angle)
+    s = np.sin(angle)
+    x, y, z = hand.axis[link, 0], hand.axis[link, 1], hand.axis[link, 2]
+    k = 1.0 - c
+    q = np.empty((3, 3))
+    q[0, 0] = c + x * x * k
+    q[0, 1] = x * y * k - z * s
+    q[0, 2] = x * z * k + y * s
+    q[1, 0] = y * x * k + z * s
+    q[1, 1] = c + y * y * k
+    q[1, 2] = y * z * k - x * s
+    q[2, 0] = z * x * k - y * s
+    q[2, 1] = z * y * k + x * s
+    q[2, 2] = c + z * z * k
+    m = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            m[a, b] = Rp[a, 0] * Rj[0, b] + Rp[a, 1] * Rj[1, b] + Rp[a, 2] * Rj[2, b]
+    for a in range(3):
+        for b in range(3):
+            R[link, a, b] = m[a, 0] * q[0, b] + m[a, 1] * q[1, b] + m[a, 2] * q[2, b]
+
+
+@njit(cache=True, nogil=True)
+def place_hand(hand, joints, T, R, t):  # type: ignore[no-untyped-def]
+    """Poses of all links in the object's frame for a palm pose T (4, 4); parents come first."""
+    for link in range(hand.parent.shape[0]):
+        if hand.parent[link] < 0:
+            for a in range(3):
+                t[link, a] = T[a, 3]
+                for b in range(3):
+                    R[link, a, b] = T[a, b]
+        else:
+            joint = hand.joint[link]
+            place_link(hand, link, joints[joint] if joint >= 0 else 0.0, R, t)
+
+
+@njit(cache=True, nogil=True)
+def coarse_gap(hand, obj, link, R, t, few):  # type: ignore[no-untyped-def]
+    """Smallest field distance of a link's surface points [m] (negative: inside the object).
+
+    With `few` only of the first, well-spread ones.
+    """
+    best = np.inf
+    Rl = R[link]
+    tl = t[link]
+    first = hand.point_start[link]
+    last = hand.point_start[link + 1]
+    if few:
+        last = min(last, first + FEW_POINTS)
+    for n in range(first, last):
+        p = hand.points[n]
+        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
+        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
+        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
+        if d < best:
+            best = d
+    return best
+
+
+@njit(cache=True, nogil=True)
+def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # type: ignore[no-untyped-def]
+    """Largest motor step [rad] that should leave `clearance` between a link and the object.
+
+    Looks at the link's first, well-spread points only. A point's speed is at most ``inner_weight * inner_radius + own_weight * point_radius``.
+    """
+    best = np.inf
+    Rl = R[link]
+    tl = t[link]
+    first = hand.point_start[link]
+    for n in range(first, min(first + FEW_POINTS, hand.point_start[link + 1])):
+        p = hand.points[n]
+        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
+        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
+        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        d = field_value(obj.field, obj.origin, obj.spacing, x, y, z) - clearance
+        speed = inner_weight * hand.inner_radius[n] + own_weight * hand.point_radius[n] + 1e-6
+        if d < best * speed:
+            best = d / speed
+    return best
+
+
+@njit(cache=True, nogil=True)
+def piece_in_object_frame(hand, piece, R, t, out):  # type: ignore[no-untyped-def]
+    """Vertices of a convex piece in the object's frame, into out; returns how many."""
+    link = hand.piece_link[piece]
+    Rl = R[link]
+    tl = t[link]
+    first = hand.piece_start[piece]
+    n = hand.piece_start[piece + 1] - first
+    for i in range(n):
+        p = hand.piece_vertices[first + i]
+        for a in range(3):
+            out[i, a] = tl[a] + Rl[a, 0] * p[0] + Rl[a, 1] * p[1] + Rl[a, 2] * p[2]
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def]
+    """The mesh's triangle nearest to the link's deepest surface point; -1 none, -2 link is far."""
+    best = np.inf
+    bx = by = bz = 0.0
+    Rl = R[link]
+    tl = t[link]
+    first = hand.point_start[link]
+    for n in range(first, min(first + FEW_POINTS, hand.point_start[link + 1])):
+        p = hand.points[n]
+        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
+        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
+        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
+        if d < best:
+            best = d
+            bx, by, bz = x, y, z
+    if best > limit + hand.link_cover[link] + 2.0 * obj.spacing:
+        return -2
+    q = np.empty(3)
+    _, face, _ = nearest_point(
+        bx, by, bz, abs(best) + 3.0 * obj.spacing, obj.triangles, obj.lower, obj.upper, obj.child, q
+    )
+    return face
+
+
+@njit(cache=True, nogil=True)
+def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-def]
+    """Distance of a link from the object's mesh [m], at most `limit`; 0 where they overlap."""
+    seed = _seed_triangle(hand, obj, link, R, t, limit)
+    if seed == -2:
+        return limit
+    best = limit
+    for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
+        n = piece_in_object_frame(hand, piece, R, t, work)
+        d = polytope_mesh(
+            work[:n], R[link], t[link], hand.piece_lower[piece], hand.piece_upper[piece], best,
+            seed, obj.triangles, obj.lower, obj.upper, obj.child,
+        )  # fmt: skip
+        if d <= 0.0:
+            return 0.0
+        best = min(best, d)
+    return best
+
+
+@njit(cache=True, nogil=True)
+def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[no-untyped-def]
+    """Whether a finger's moving links are nearer than `limit` to a link of another finger.
+
+    Links of the palm group and knuckles count for the distal link only: the inner link turns in
+    its own knuckle.
+    """
+    direction = np.empty(3)
+    p = np.empty(3)
+    q = np.empty(3)
+    for which in range(2):
+        link = hand.distal_link[finger] if which == 0 else hand.inner_link[finger]
+        for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
+            n = piece_in_object_frame(hand, piece, R, t, work)
+            for target in range(hand.parent.shape[0]):
+                own = hand.link_finger[target] == finger
+                fixed = hand.link_finger[target] < 0
+                if own or (fixed and which == 1):
+                    continue
+                if fixed and hand.parent[hand.inner_link[finger]] == target:
+                    continue
+                for k in range(hand.link_piece_start[target], hand.link_piece_start[target + 1]):
+                    m = piece_in_object_frame(hand, k, R, t, other)
+                    for a in range(3):
+                        direction[a] = t[link, a] - t[target, a]
+                    d = polytope_distance(work[:n], other[:m], limit, direction, p, q)
+                    if d < limit:
+                        return True
+    return False

@@ -1,0 +1,160 @@
+"""Contacts of a closed hand, compiled: where links are within the contact threshold.
+
+A link that touches has a patch of contact, and the wrench space is the hull of its points, so the
+patch's extreme points count. Candidates are the nearest points of the link and each near triangle
+(exact), and the link's surface samples within the threshold of the mesh (exact distances too).
+A pair counts only if it is a contact of the bodies, not of features on their own: the hand's point
+must have no nearer point of the mesh, and where the mesh's nearest feature is an edge the
+direction must agree with the hand's normal. From each link the farthest-apart few are kept.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from gpis_grasp_planner.geometry.convex_distance import near_pairs
+from gpis_grasp_planner.geometry.distance_field import field_value
+from gpis_grasp_planner.geometry.triangle_tree import nearest_point
+from gpis_grasp_planner.scene.posture import exact_gap, piece_in_object_frame
+
+MAX_PER_LINK = 5
+_CANDIDATES = 256
+_APART = 0.0015
+_SAME_NORMAL = 0.94
+
+
+@njit(cache=True, nogil=True)
+def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, gaps):  # type: ignore[no-untyped-def]
+    count = 0
+    p_self = np.empty((64, 3))
+    p_other = np.empty((64, 3))
+    q = np.empty(3)
+    for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
+        n = piece_in_object_frame(hand, piece, R, t, work)
+        k = near_pairs(
+            work[:n], R[link], t[link], hand.piece_lower[piece], hand.piece_upper[piece],
+            threshold, obj.triangles, obj.lower, obj.upper, obj.child, p_self, p_other,
+        )  # fmt: skip
+        for i in range(k):
+            dx = p_other[i, 0] - p_self[i, 0]
+            dy = p_other[i, 1] - p_self[i, 1]
+            dz = p_other[i, 2] - p_self[i, 2]
+            d = np.sqrt(dx * dx + dy * dy + dz * dz)
+            if d < 1e-9 or count >= points.shape[0]:
+                continue
+            nearest, _, _ = nearest_point(
+                p_self[i, 0], p_self[i, 1], p_self[i, 2], d * 1.001 + 1e-9,
+                obj.triangles, obj.lower, obj.upper, obj.child, q,
+            )  # fmt: skip
+            if nearest < d * 0.999 - 1e-9:
+                continue
+            for c in range(3):
+                points[count, c] = p_other[i, c]
+            normals[count, 0] = dx / d
+            normals[count, 1] = dy / d
+            normals[count, 2] = dz / d
+            gaps[count] = d
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _sample_candidates(hand, obj, link, R, t, threshold, points, normals, gaps, count):  # type: ignore[no-untyped-def]
+    q = np.empty(3)
+    Rl = R[link]
+    tl = t[link]
+    for n in range(hand.point_start[link], hand.point_start[link + 1]):
+        if count >= points.shape[0]:
+            break
+        p = hand.points[n]
+        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
+        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
+        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
+        if d > threshold + obj.spacing or d < -obj.spacing:
+            continue
+        d, face, in_face = nearest_point(
+            x, y, z, threshold, obj.triangles, obj.lower, obj.upper, obj.child, q
+        )
+        if face < 0 or d < 1e-9:
+            continue
+        m = hand.point_normals[n]
+        hx = Rl[0, 0] * m[0] + Rl[0, 1] * m[1] + Rl[0, 2] * m[2]
+        hy = Rl[1, 0] * m[0] + Rl[1, 1] * m[1] + Rl[1, 2] * m[2]
+        hz = Rl[2, 0] * m[0] + Rl[2, 1] * m[1] + Rl[2, 2] * m[2]
+        ix = (q[0] - x) / d
+        iy = (q[1] - y) / d
+        iz = (q[2] - z) / d
+        agree = hx * ix + hy * iy + hz * iz
+        if agree < (0.5 if in_face else 0.99):
+            continue
+        for c in range(3):
+            points[count, c] = q[c]
+        normals[count, 0] = ix
+        normals[count, 1] = iy
+        normals[count, 2] = iz
+        gaps[count] = d
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _spread_out(points, normals, gaps, count, chosen):  # type: ignore[no-untyped-def]
+    """Indices of up to MAX_PER_LINK candidates: the nearest, then always the farthest apart."""
+    first = 0
+    for i in range(count):
+        if gaps[i] < gaps[first]:
+            first = i
+    chosen[0] = first
+    k = 1
+    apart = np.full(count, np.inf)
+    while k < chosen.shape[0]:
+        last = chosen[k - 1]
+        best = -1.0
+        index = -1
+        for i in range(count):
+            d = 0.0
+            agree = 0.0
+            for c in range(3):
+                d += (points[i, c] - points[last, c]) ** 2
+                agree += normals[i, c] * normals[last, c]
+            d = np.sqrt(d)
+            if agree < _SAME_NORMAL:
+                d = max(d, 2.0 * _APART)
+            apart[i] = min(apart[i], d)
+            if apart[i] > best:
+                best = apart[i]
+                index = i
+        if best < _APART:
+            break
+        chosen[k] = index
+        k += 1
+    return k
+
+
+@njit(cache=True, nogil=True)
+def collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links):  # type: ignore[no-untyped-def]
+    """Contacts of all links into positions, normals (inward) and links; returns how many."""
+    found = 0
+    points = np.empty((_CANDIDATES, 3))
+    inward = np.empty((_CANDIDATES, 3))
+    gaps = np.empty(_CANDIDATES)
+    chosen = np.empty(MAX_PER_LINK, dtype=np.int64)
+    for link in range(hand.parent.shape[0]):
+        if exact_gap(hand, obj, link, R, t, threshold, work) >= threshold:
+            continue
+        count = _pair_candidates(hand, obj, link, R, t, threshold, work, points, inward, gaps)
+        count = _sample_candidates(hand, obj, link, R, t, threshold, points, inward, gaps, count)
+        if count == 0:
+            continue
+        k = _spread_out(points, inward, gaps, count, chosen)
+        for i in range(k):
+            if found >= positions.shape[0]:
+                break
+            for c in range(3):
+                positions[found, c] = points[chosen[i], c]
+                normals[found, c] = inward[chosen[i], c]
+            links[found] = link
+            found += 1
+    return found
