@@ -19,16 +19,19 @@ class Edges:
 
     Attributes
     ----------
+    ends : (e, 2) int
+        The two vertices of each edge, the lower index first.
     uses : (e,) int
         Number of faces at each edge.
     balance : (e,) int
         Uses in one direction minus uses in the other: 0 everywhere on a closed surface.
     pairs : (p, 2) int
-        The two faces at each edge that has exactly two.
+        The two faces at each edge that has exactly two, in the order of the edges.
     agree : (p,) bool
         Whether the two wind the same way.
     """
 
+    ends: Index
     uses: Index
     balance: Index
     pairs: Index
@@ -55,16 +58,18 @@ def find_edges(faces: Faces) -> Edges:
     tail = faces.reshape(-1).astype(np.int64)
     head = np.roll(faces, -1, axis=1).reshape(-1).astype(np.int64)
     low, high = np.minimum(tail, head), np.maximum(tail, head)
-    key = low * (int(faces.max(initial=0)) + 1) + high
+    size = int(faces.max(initial=0)) + 1
+    key = low * size + high
     order = np.argsort(key, kind="stable")
-    _, start, uses = np.unique(key[order], return_index=True, return_counts=True)
+    keys, start, uses = np.unique(key[order], return_index=True, return_counts=True)
     direction = np.where(tail < head, 1, -1)[order]
     balance = np.add.reduceat(direction, start) if len(start) else np.zeros(0, dtype=np.int64)
     first = start[uses == 2]
     owner = order // 3
     pairs = np.stack([owner[first], owner[first + 1]], axis=1)
     agree = direction[first] != direction[first + 1]
-    return Edges(uses, balance, pairs, agree)
+    ends = np.stack([keys // size, keys % size], axis=1)
+    return Edges(ends, uses, balance, pairs, agree)
 
 
 def bodies(faces: Faces) -> tuple[int, Index]:

@@ -85,7 +85,7 @@ def flange() -> Solid:
 
 
 def housing() -> Solid:
-    """A gearbox housing: an open box of 130 x 96 x 84 mm with bearing seats, ribs and feet."""
+    """A gearbox housing: an open box, 146 x 96 x 84 mm, with bearing seats, ribs and feet."""
     shell = block((118, 84, 84), (0, 0, 0), fillet=12)
     seats = _along_y(26, 96, x=-24) + _along_y(22, 96, x=30)
     ribs = block((6, 95, 38), (-24, 0, -23)) + block((6, 95, 38), (30, 0, -23))
@@ -121,7 +121,7 @@ def planet_carrier() -> Solid:
 
 
 def bearing_cover() -> Solid:
-    """A bearing cover: a plate of 96 mm with four ears, a spigot and a hole for the shaft."""
+    """A bearing cover: a plate of 88 mm with four ears, a spigot and a hole for the shaft."""
     plate = turned([(14, -10), (44, -10), (44, 0, 1.5), (14, 0)], 44, 11)
     for x, y in ring_of(4, 43.0, 45.0):
         plate += cylinder(9.5, -10, 0, 32, x, y)

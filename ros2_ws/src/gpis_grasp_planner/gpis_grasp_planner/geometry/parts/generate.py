@@ -6,6 +6,7 @@ Each part becomes a binary STL in millimetres and a YAML file with unit and mate
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +87,7 @@ def write_all(directory: Path) -> None:
         triangles = make(recipe)
         (directory / f"{recipe.name}.stl").write_bytes(binary_stl(triangles))
         (directory / f"{recipe.name}.yaml").write_text(sidecar_text(recipe), encoding="utf-8")
-        print(f"{recipe.name:16s} {len(triangles):6d} faces")
+        sys.stdout.write(f"{recipe.name:16s} {len(triangles):6d} faces\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -21,7 +21,7 @@ def mug() -> Solid:
 
 
 def flask() -> Solid:
-    """An Erlenmeyer flask of thick glass: 100 mm across, 155 mm high, open at its mouth."""
+    """An Erlenmeyer flask of thick glass: 93 mm across, 155 mm high, open at its mouth."""
     outer = turned(
         [(0, -77.5), (50, -77.5, 9), (17, 25, 22), (17, 68, 4), (21, 75.5, 1.2), (21, 77.5, 0.9),
          (0, 77.5)], 40, 12

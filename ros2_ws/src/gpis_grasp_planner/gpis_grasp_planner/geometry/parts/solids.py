@@ -49,7 +49,7 @@ def rounded(corners: Sequence[tuple[float, ...]]) -> Array:
 
 def _fillet_step_deg(radius: float) -> float:
     """Small fillets get few facets: their deviation stays below 0.2 mm all the same."""
-    return 45.0 if radius < 2.5 else 30.0 if radius < 6.0 else 15.0
+    return 45.0 if radius < 2.5 else 22.5 if radius < 6.0 else 15.0
 
 
 def densified(polygon: Array, length: float) -> Array:
@@ -114,9 +114,8 @@ def swept(path: Array, half_width: float, half_depth: float, segments: int) -> S
     y = np.broadcast_to(half_width * np.sin(angles), radial.shape[:2])
     rings = np.stack([radial[..., 0], y, radial[..., 1]], axis=-1).reshape(-1, 3)
     n = len(path)
-    i, j = np.meshgrid(np.arange(n - 1), np.arange(segments), indexing="ij")
-    k = (j + 1) % segments
-    a, b = i * segments + j, i * segments + k
+    along, around = np.meshgrid(np.arange(n - 1), np.arange(segments), indexing="ij")
+    a, b = along * segments + around, along * segments + (around + 1) % segments
     c, d = a + segments, b + segments
     sides = np.stack([a, b, d, a, d, c], axis=-1).reshape(-1, 3)
     low, high = len(rings), len(rings) + 1
