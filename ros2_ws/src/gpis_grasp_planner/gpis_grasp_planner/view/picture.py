@@ -1,0 +1,204 @@
+"""Pictures of the hand on the part, rendered offscreen to PNG.
+
+The part is warm yellow, the hand dark steel with a near-black palm, contacts are red balls with
+the inward normals as arrows. Balls and arrows also show faintly where something hides them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.transforms import apply
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.link_mesh import convex_hull
+from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.view.camera import VIEWS, best_view, look_from
+from gpis_grasp_planner.view.ray_tracer import Body, Camera, Scene
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+
+OBJECT_COLOR = (0.93, 0.62, 0.22)
+CONTACT_COLOR = (0.86, 0.05, 0.07)
+PALM_COLOR = (0.23, 0.24, 0.26)
+LINK_COLORS = ((0.36, 0.38, 0.41), (0.52, 0.55, 0.59), (0.40, 0.47, 0.56))  # from the palm outwards
+
+
+@dataclass(frozen=True, eq=False)
+class GraspView:
+    """What one picture shows: a part (or None), the hand in its frame and the contacts."""
+
+    mesh: TriangleMesh | None
+    hand: HandDescription
+    T_object_palm: Array
+    joints: Array
+    contacts: Contacts | None = None
+    caption: str = ""
+
+
+def render_grasp(
+    mesh: TriangleMesh | None,
+    hand: HandDescription,
+    T_object_palm: ArrayLike,
+    joints: ArrayLike,
+    contacts: Contacts | None = None,
+    *,
+    path: Path | None = None,
+    view: str | ArrayLike = "auto",
+    size: tuple[int, int] = (1000, 750),
+    caption: str = "",
+) -> Pixels:
+    """Render the hand on a part.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh or None
+        The part in its own frame; None shows the hand alone.
+    hand : HandDescription
+    T_object_palm : (4, 4) array
+    joints : (J,) array [rad]
+    contacts : Contacts, optional
+        In the part's frame.
+    path : Path, optional
+        Where to write a PNG.
+    view : str or (3,) array
+        A name of ``camera.VIEWS``, a direction from the scene to the camera in the part's frame,
+        or "auto": the direction from which most of hand, part and contacts is seen.
+    size : (int, int)
+        Width and height in pixels.
+    caption : str
+        Written below the picture's upper edge.
+
+    Returns
+    -------
+    pixels : (height, width, 3) uint8 array
+        The same input gives the same pixels. About 3 s at the default size on one core.
+    """
+    grasp = GraspView(
+        mesh, hand, np.asarray(T_object_palm, float), np.asarray(joints, float), contacts, caption
+    )
+    pixels = _render(grasp, view, size)
+    if path is not None:
+        Image.fromarray(pixels).save(path, optimize=True)
+    return pixels
+
+
+def render_sheet(
+    grasps: Sequence[GraspView],
+    *,
+    path: Path | None = None,
+    columns: int = 3,
+    view: str | ArrayLike = "auto",
+    size: tuple[int, int] = (480, 360),
+) -> Pixels:
+    """Render several grasps as one sheet, row by row; `size` is that of each picture.
+
+    Returns
+    -------
+    pixels : (rows * height, columns * width, 3) uint8 array
+    """
+    if not grasps:
+        raise ValueError("a sheet takes at least one grasp")
+    columns = min(columns, len(grasps))
+    width, height = size
+    rows = -(-len(grasps) // columns)
+    sheet = np.full((rows * height, columns * width, 3), 255, dtype=np.uint8)
+    for index, grasp in enumerate(grasps):
+        row, column = divmod(index, columns)
+        sheet[row * height : (row + 1) * height - 2, column * width : (column + 1) * width - 2] = (
+            _render(grasp, view, (width - 2, height - 2))
+        )
+    if path is not None:
+        Image.fromarray(sheet).save(path, optimize=True)
+    return sheet
+
+
+def hand_bodies(hand: HandDescription, T_object_palm: Array, joints: Array) -> list[Body]:
+    """The hand's pieces as coloured bodies in the part's frame."""
+    bodies = []
+    for link, T_palm_link in enumerate(link_transforms(hand, joints)[0]):
+        depth, ancestor = -1, link
+        while (ancestor := int(hand.link_parent[ancestor])) >= 0:
+            depth += 1
+        palm_like = hand.link_friction_group[link] == "palm"
+        color = PALM_COLOR if palm_like else LINK_COLORS[min(depth, len(LINK_COLORS) - 1)]
+        T_object_link = T_object_palm @ T_palm_link
+        for piece in hand.link_collision[link]:
+            vertices = apply(T_object_link, piece.vertices)
+            bodies.append(Body(TriangleMesh(vertices, piece.faces), color))
+    return bodies
+
+
+def _render(grasp: GraspView, view: str | ArrayLike, size: tuple[int, int]) -> Pixels:
+    part = [] if grasp.mesh is None else [Body(grasp.mesh, OBJECT_COLOR)]
+    hand = hand_bodies(grasp.hand, grasp.T_object_palm, grasp.joints)
+    solid = Scene(part + hand)
+    points = np.vstack([body.mesh.vertices for body in part + hand])
+    contacts = Contacts.none() if grasp.contacts is None else grasp.contacts
+    camera = _camera(solid, len(part), points, contacts, view, size)
+    markers = _contact_markers(contacts, float(np.linalg.norm(np.ptp(points, axis=0))))
+    pixels = Scene(part + hand + markers).render(camera, *size)
+    return _with_caption(pixels, grasp.caption) if grasp.caption else pixels
+
+
+def _camera(
+    solid: Scene,
+    n_part: int,
+    points: Array,
+    contacts: Contacts,
+    view: str | ArrayLike,
+    size: tuple[int, int],
+) -> Camera:
+    aspect = size[0] / size[1]
+    if isinstance(view, str) and view == "auto":
+        return best_view(solid, n_part, points, contacts.positions, aspect)
+    if isinstance(view, str) and view not in VIEWS:
+        raise ValueError(f"view is '{view}'; choose auto, {', '.join(VIEWS)} or a direction")
+    direction = VIEWS[view] if isinstance(view, str) else np.asarray(view, dtype=float)
+    return look_from(direction, points, aspect)
+
+
+def _contact_markers(contacts: Contacts, diagonal: float) -> list[Body]:
+    radius = 0.0085 * diagonal
+    ball = _ball(radius)
+    bodies = []
+    for position, normal in zip(contacts.positions, contacts.normals_inward, strict=True):
+        bodies.append(Body(TriangleMesh(ball.vertices + position, ball.faces), CONTACT_COLOR, True))
+        arrow = _arrow(position, normal, 8.0 * radius, 0.3 * radius)
+        bodies += [Body(part, CONTACT_COLOR, True) for part in arrow]
+    return bodies
+
+
+def _ball(radius: float) -> TriangleMesh:
+    k = np.arange(162)
+    z = 1.0 - 2.0 * (k + 0.5) / len(k)
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * k  # the sunflower's golden angle
+    ring = np.sqrt(1.0 - z**2)
+    points = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+    return convex_hull(radius * points)
+
+
+def _arrow(start: Array, direction: Array, length: float, radius: float) -> list[TriangleMesh]:
+    side = np.linalg.svd(direction[None])[2][1:]
+    angle = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) @ side
+    neck, tip = start + 0.72 * length * direction, start + length * direction
+    shaft = convex_hull(np.vstack([start + radius * ring, neck + radius * ring]))
+    return [shaft, convex_hull(np.vstack([neck + 2.6 * radius * ring, tip]))]
+
+
+def _with_caption(pixels: Pixels, caption: str) -> Pixels:
+    image = Image.fromarray(pixels)
+    height = max(14, pixels.shape[0] // 26)
+    font = ImageFont.load_default(size=height)
+    margin = height // 2
+    ImageDraw.Draw(image).multiline_text((margin, margin), caption, fill=(30, 30, 35), font=font)
+    return np.asarray(image)
