@@ -68,7 +68,7 @@ def best_view(
     width, height = round(72 * aspect), 72
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     best_score, best_camera = -np.inf, look_from(VIEWS["iso"], points, aspect)
-    for elevation_deg in (-15.0, 12.0, 35.0):
+    for elevation_deg in (-15.0, 15.0, 32.0, 48.0):
         for azimuth in np.radians(np.arange(0.0, 360.0, 22.5) - 60.0):
             z = np.sin(np.radians(elevation_deg))
             flat = np.sqrt(1.0 - z * z)
@@ -77,7 +77,7 @@ def best_view(
             body = scene.coverage(camera, width, height)
             part = np.count_nonzero((body >= 0) & (body < n_part)) / body.size
             pieces = np.unique(body[body >= n_part], return_counts=True)[1]
-            hand = np.sqrt(pieces / body.size).sum()  # many pieces seen, not one seen large
+            hand = np.minimum(pieces / body.size, 0.015).sum()  # many pieces, not one large
             score = hand * (np.sqrt(part) if n_part else 1.0)
             if len(contact_points):
                 # Contacts lie between two bodies: seen within 2 % of the scene is seen.

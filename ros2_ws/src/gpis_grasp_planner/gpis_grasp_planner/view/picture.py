@@ -87,7 +87,7 @@ def render_grasp(
     )
     pixels = _render(grasp, view, size)
     if path is not None:
-        Image.fromarray(pixels).save(path, optimize=True)
+        Image.fromarray(pixels).save(path)
     return pixels
 
 
@@ -117,7 +117,7 @@ def render_sheet(
             _render(grasp, view, (width - 2, height - 2))
         )
     if path is not None:
-        Image.fromarray(sheet).save(path, optimize=True)
+        Image.fromarray(sheet).save(path)
     return sheet
 
 
