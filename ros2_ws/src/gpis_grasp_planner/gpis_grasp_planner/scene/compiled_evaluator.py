@@ -18,12 +18,13 @@ from gpis_grasp_planner.planning.evaluator import Attempts
 from gpis_grasp_planner.quality.fast_epsilon import start_directions
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
 from gpis_grasp_planner.scene.grasp_kernel import MAX_CONTACTS, attempt_many, clear_many
-from gpis_grasp_planner.scene.settings import SceneSettings
+from gpis_grasp_planner.planning.scene_settings import SceneSettings
 
 Array = NDArray[np.float64]
 
 _DIRECTIONS = 256
 _STARTS = 5
+_STARTS_OF_GOOD = 20
 
 
 class CompiledEvaluator:
@@ -35,15 +36,23 @@ class CompiledEvaluator:
     part : Part
     friction : Friction
     settings : SceneSettings
+    field, tree : DistanceField, TriangleTree, optional
+        Made from the mesh if not given.
     """
 
     def __init__(
-        self, hand: HandDescription, part: Part, friction: Friction, settings: SceneSettings
+        self,
+        hand: HandDescription,
+        part: Part,
+        friction: Friction,
+        settings: SceneSettings,
+        field: DistanceField | None = None,
+        tree: TriangleTree | None = None,
     ):
         self.hand = hand
         self.settings = settings
-        self.field = DistanceField.of(part.mesh, cells=settings.field_cells)
-        self.tree = TriangleTree.of(part.mesh)
+        self.field = field or DistanceField.of(part.mesh, cells=settings.field_cells)
+        self.tree = tree or TriangleTree.of(part.mesh)
         self._hand = hand_arrays(hand)
         self._object = object_arrays(part, friction, self.field, self.tree)
         self._directions = start_directions(_DIRECTIONS)
@@ -83,6 +92,7 @@ class CompiledEvaluator:
             self.settings.retreat_m,
             self._directions,
             _STARTS,
+            _STARTS_OF_GOOD,
             result.status,
             result.n_contacts,
             result.epsilon,

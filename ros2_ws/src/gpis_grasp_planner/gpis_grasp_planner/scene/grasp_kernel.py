@@ -12,6 +12,7 @@ from gpis_grasp_planner.scene.posture import place_hand
 from gpis_grasp_planner.scene.touch import collect_contacts
 
 MAX_CONTACTS = 24
+_GOOD = 0.01
 
 GRASPED = 0
 PALM_COLLISION = 1
@@ -73,7 +74,7 @@ def volume_estimate(W, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def attempt(
-    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, min_epsilon,
+    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
     joints, positions, normals, friction, links, R, t, work, other, wrenches,
 ):  # type: ignore[no-untyped-def]
     """Close the hand at palm pose T and measure. Returns (status, contacts, epsilon, volume)."""
@@ -96,6 +97,9 @@ def attempt(
     pyramid_wrenches(obj, positions, normals, friction, k, edges, wrenches)
     W = wrenches[: k * edges]
     epsilon = fast_epsilon(W, directions, n_starts)
+    if epsilon > _GOOD:
+        # The upper bound is what ranks, so that the overestimated would collect at the top.
+        epsilon = fast_epsilon(W, directions, n_starts_good)
     if epsilon > 0.0 and retreat > 0.0:
         opened = np.zeros(hand.n_joints)
         for i in range(hand.spread_joints.shape[0]):
@@ -107,7 +111,7 @@ def attempt(
 
 @njit(cache=True, nogil=True)
 def attempt_many(
-    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts,
+    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
     status, count, epsilon, volume, joints, positions, normals, friction, links,
 ):  # type: ignore[no-untyped-def]
     """`attempt` for every row; the arrays are filled."""
@@ -119,7 +123,7 @@ def attempt_many(
     wrenches = np.empty((MAX_CONTACTS * edges, 6))
     for b in range(T.shape[0]):
         status[b], count[b], epsilon[b], volume[b] = attempt(
-            hand, obj, T[b], spread[b], gap, threshold, edges, retreat, directions, n_starts, -1.0,
+            hand, obj, T[b], spread[b], gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
             joints[b], positions[b], normals[b], friction[b], links[b], R, t, work, other, wrenches,
         )  # fmt: skip
 

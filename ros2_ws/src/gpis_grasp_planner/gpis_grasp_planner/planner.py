@@ -1,0 +1,189 @@
+"""The planner as a whole: prepare an object, run a search within a budget, choose the answer.
+
+This is the one place where the scene's evaluator, the surface and the searches are put together;
+the ROS node and the command line call nothing below it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.planning.context import PlanningContext
+from gpis_grasp_planner.planning.finalists import choose_finalists, grasp_of
+from gpis_grasp_planner.planning.planners import check_planner, make_search
+from gpis_grasp_planner.planning.ranking import GraspArchive
+from gpis_grasp_planner.planning.request import PlanRequest, PlanResult, Progress
+from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.surface.atlas import SurfaceAtlas
+from gpis_grasp_planner.surface.implicit_surface import fit_part
+
+_KEPT_OBJECTS = 4
+_PROGRESS_INTERVAL_S = 0.1
+_SECONDS_PER_FINALIST = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedObject:
+    """What is made once per mesh: distance field, triangle tree, and the atlas of the GPIS."""
+
+    field: DistanceField
+    tree: TriangleTree
+    atlas: SurfaceAtlas
+
+
+class GraspPlanner:
+    """Plans grasps for parts; keeps what it prepared for the last few meshes.
+
+    Parameters
+    ----------
+    settings : PlannerSettings, optional
+    hand : str
+        Name of the hand's model.
+    """
+
+    def __init__(self, settings: PlannerSettings | None = None, hand: str = DEFAULT_HAND):
+        self.settings = settings or PlannerSettings()
+        self.hand = load_hand(hand)
+        self._prepared: OrderedDict[str, PreparedObject] = OrderedDict()
+
+    def prepare(self, part: Part) -> PreparedObject:
+        """Fit the surface and sample the distance field of a part (0.3 to 1.5 s), once."""
+        key = part.mesh.content_hash
+        if key not in self._prepared:
+            self._prepared[key] = PreparedObject(
+                field=DistanceField.of(part.mesh, cells=self.settings.scene.field_cells),
+                tree=TriangleTree.of(part.mesh),
+                atlas=SurfaceAtlas(fit_part(part.mesh, self.settings.surface)),
+            )
+            while len(self._prepared) > _KEPT_OBJECTS:
+                self._prepared.popitem(last=False)
+        self._prepared.move_to_end(key)
+        return self._prepared[key]
+
+    def plan(
+        self,
+        part: Part,
+        request: PlanRequest,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> PlanResult:
+        """Plan grasps of a part, in the part's own frame.
+
+        Parameters
+        ----------
+        part : Part
+        request : PlanRequest
+        on_progress : callable, optional
+            Called with a Progress about ten times a second.
+        should_stop : callable, optional
+            Asked between steps (10 to 100 ms); True ends the plan with code CANCELLED.
+
+        Returns
+        -------
+        PlanResult
+            With code SUCCESS, NO_FEASIBLE_GRASP or CANCELLED. The search ends in time to
+            compute the finalists' exact quality within the budget.
+
+        Raises
+        ------
+        RequestError
+            For an unknown planner.
+        """
+        start = time.monotonic()
+        check_planner(request.planner)
+        friction = request.friction_for(part.friction)
+        prepared = self.prepare(part)
+        scene = self.settings.scene
+        evaluator = CompiledEvaluator(
+            self.hand, part, friction, scene, prepared.field, prepared.tree
+        )
+        archive = GraspArchive(part.max_radius, self.settings.hpp.volume_weight)
+        context = PlanningContext(
+            part=part,
+            hand=self.hand,
+            evaluator=evaluator,
+            atlas=prepared.atlas,
+            archive=archive,
+            settings=self.settings,
+            rng=np.random.default_rng(request.seed),
+        )
+        search = make_search(request.planner, context)
+        reserve = min(0.4 * request.time_budget_s, _SECONDS_PER_FINALIST * request.n_grasps)
+        search_end = start + request.time_budget_s - reserve
+        convergence: list[tuple[float, int, float]] = []
+        cancelled = False
+        next_progress = start
+        while not search.finished:
+            now = time.monotonic()
+            if archive.best_epsilon > (convergence[-1][2] if convergence else 0.0):
+                convergence.append((now - start, evaluator.n_attempts, archive.best_epsilon))
+            if on_progress is not None and now >= next_progress:
+                next_progress = now + _PROGRESS_INTERVAL_S
+                on_progress(
+                    Progress(
+                        now - start,
+                        request.time_budget_s,
+                        evaluator.n_attempts,
+                        archive.best_epsilon,
+                        len(archive),
+                    )
+                )
+            if should_stop is not None and should_stop():
+                cancelled = True
+                break
+            limit = request.max_evaluations
+            if now >= search_end or (limit is not None and evaluator.n_attempts >= limit):
+                break
+            search.step()
+        deadline = None if request.max_evaluations else start + request.time_budget_s
+        grasps = choose_finalists(context, request.n_grasps, deadline)
+        best = archive.best_attempt
+        code, message = _verdict(part, evaluator.n_attempts, len(grasps), cancelled)
+        return PlanResult(
+            code=code,
+            message=message,
+            grasps=grasps,
+            best_attempt=grasp_of(best, context) if best is not None and not grasps else None,
+            mesh_id=part.mesh_id,
+            mesh_hash=part.mesh.content_hash,
+            center_of_mass=part.center_of_mass,
+            torque_scale=part.max_radius,
+            mass=part.mass,
+            cone_edges=scene.cone_edges,
+            contact_threshold=scene.contact_threshold_m,
+            friction=friction,
+            hand=self.hand.name,
+            link_names=self.hand.link_names,
+            joint_names=self.hand.joint_names,
+            request=request,
+            settings=self.settings.as_dict(),
+            elapsed_s=time.monotonic() - start,
+            evaluations=evaluator.n_attempts,
+            notes=part.notes,
+            convergence=tuple(convergence),
+        )
+
+
+def _verdict(part: Part, attempts: int, n_grasps: int, cancelled: bool) -> tuple[ErrorCode, str]:
+    if cancelled:
+        return ErrorCode.CANCELLED, f"Planning for '{part.mesh_id}' was cancelled."
+    if n_grasps:
+        return ErrorCode.SUCCESS, f"{n_grasps} grasps of '{part.mesh_id}', best first."
+    extent = ", ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent)
+    return (
+        ErrorCode.NO_FEASIBLE_GRASP,
+        f"No grasp with force closure of '{part.mesh_id}' ({extent} mm) in {attempts} attempts. "
+        "Give more time, check the friction and the mesh's unit, or use a part that the hand "
+        "can span.",
+    )

@@ -1,0 +1,111 @@
+"""HPP-Opt (Alg. 1): Bayesian optimisation of the palm pose with local adaption.
+
+A Latin hypercube of palm poses starts the model; then, until the time or the iterations end,
+expected improvement proposes poses, the local adaption (Alg. 2) tries its seeds around each, and
+the best of the seeds, at the pose where it was found, is told to the model.
+
+Where an attempt costs 1 ms and a proposal of the model 10 ms, one proposal at a time would spend
+the budget on the model: `batch` proposals are asked for at once (the paper's form is 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpis_grasp_planner.optimise.bayesian import BayesianOptimiser, BayesianSettings
+from gpis_grasp_planner.planning.local_adaption import LocalAdaption
+from gpis_grasp_planner.planning.search_space import PalmSearchSpace, features_of_poses
+from gpis_grasp_planner.settings import SettingsGroup, setting
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.planning.context import PlanningContext
+
+
+@dataclass(frozen=True)
+class HppSettings(SettingsGroup):
+    """Parameters of HPP-Opt."""
+
+    n_iter: int = setting(
+        100_000,
+        low=0,
+        high=10_000_000,
+        description="n_iter of Alg. 1: proposals after the start; the time budget ends earlier.",
+    )
+    n_initial: int = setting(
+        24, low=1, high=100_000, description="Latin hypercube poses that start the model."
+    )
+    batch: int = setting(
+        4, low=1, high=64, description="Proposals asked of the model at once; the paper's form is 1."
+    )
+    xi: float = setting(
+        0.01,
+        low=0.0,
+        high=10.0,
+        description="xi of expected improvement, in standard deviations of the objective.",
+    )
+    max_observations: int = setting(
+        200, low=10, high=5000, description="Observations that the model holds at once."
+    )
+    volume_weight: float = setting(
+        0.5, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
+    )
+    palm_clearance_m: float = setting(
+        0.12,
+        low=0.0,
+        high=1.0,
+        description="How far the outer box of palm positions lies beyond the object's box.",
+    )
+
+
+class PalmPoseOptimiser:
+    """Alg. 1 as a loop that its caller drives: `step` is one batch of iterations.
+
+    Parameters
+    ----------
+    context : PlanningContext
+        Its archive takes every attempt.
+    """
+
+    def __init__(self, context: PlanningContext):
+        self._context = context
+        self.settings = context.settings.hpp
+        self.space = PalmSearchSpace(context.part.mesh.bounds, self.settings.palm_clearance_m)
+        self.adaption = LocalAdaption.of(context)
+        self.iterations = 0
+        self._optimiser = BayesianOptimiser(
+            self.space.domain,
+            settings=BayesianSettings(
+                n_initial=self.settings.n_initial,
+                xi=self.settings.xi,
+                max_observations=self.settings.max_observations,
+            ),
+            seed=context.rng.spawn(1)[0],
+        )
+
+    @property
+    def finished(self) -> bool:
+        """Whether n_iter proposals after the start were made."""
+        return self.iterations >= self.settings.n_initial + self.settings.n_iter
+
+    def step(self) -> None:
+        """Propose, adapt, close, tell."""
+        left = self.settings.n_initial + self.settings.n_iter - self.iterations
+        X = self._optimiser.ask_batch(min(self.settings.batch, left))
+        T_object_face = self.space.poses(X)
+        attempts, proposal = self.adaption(T_object_face, self._context.rng)
+        self._context.archive.add(attempts)
+        objective = attempts.objective(self.settings.volume_weight)
+        y = np.zeros(len(X))
+        T_adapted = T_object_face.copy()
+        for k in range(len(X)):
+            own = np.flatnonzero(proposal == k)
+            if len(own):
+                best = own[np.argmax(objective[own])]
+                y[k] = objective[best]
+                T_adapted[k] = attempts.T_object_palm[best] @ self.adaption.T_palm_face
+        self._optimiser.tell(X, y, features=features_of_poses(T_adapted))
+        self.iterations += len(X)
+

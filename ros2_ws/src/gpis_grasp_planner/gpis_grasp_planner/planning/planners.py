@@ -1,0 +1,39 @@
+"""The searches by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.planning.context import PlanningContext, Search
+from gpis_grasp_planner.planning.hpp_opt import PalmPoseOptimiser
+from gpis_grasp_planner.planning.random_search import RandomPalms, RandomWithAdaption
+
+PLANNERS: dict[str, Callable[[PlanningContext], Search]] = {
+    "dual": PalmPoseOptimiser,
+    "hpp": PalmPoseOptimiser,
+    "random": RandomPalms,
+    "random-adaption": RandomWithAdaption,
+}
+
+
+def make_search(name: str, context: PlanningContext) -> Search:
+    """The search `name`, ready to step.
+
+    Raises
+    ------
+    RequestError
+        UNKNOWN_PLANNER, naming the known ones.
+    """
+    check_planner(name)
+    return PLANNERS[name](context)
+
+
+def check_planner(name: str) -> str:
+    """Return the name, or raise RequestError that lists the known planners."""
+    if name not in PLANNERS:
+        raise RequestError(
+            f"Unknown planner '{name}'; choose one of {', '.join(PLANNERS)}.",
+            ErrorCode.UNKNOWN_PLANNER,
+        )
+    return name

@@ -1,0 +1,117 @@
+"""Keeping and ranking grasps: the best ones that are mutually distinct.
+
+Two grasps are distinct if ``max(translation / maxRadius, angle / 2 pi)`` of their palm poses is at
+least 0.2, the rule by which the original simulator keeps its list of 20; otherwise a mean over
+20 grasps would be a mean over one grasp and its neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.transforms import rotation_angle
+from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
+
+Array = NDArray[np.float64]
+
+DISTINCT = 0.2
+
+
+def pose_difference(T_1: Array, T_2: Array, max_radius: float) -> Array:
+    """``max(translation / maxRadius, angle / 2 pi)`` between poses (..., 4, 4)."""
+    translation = np.linalg.norm(T_1[..., :3, 3] - T_2[..., :3, 3], axis=-1) / max_radius
+    angle = rotation_angle(T_1[..., :3, :3], T_2[..., :3, :3]) / (2.0 * np.pi)
+    return np.maximum(translation, angle)
+
+
+def distinct(
+    T: Array, order: NDArray[np.intp], max_radius: float, n: int, apart: float = DISTINCT
+) -> list[int]:
+    """Greedy choice of up to `n` poses from `order`, each `apart` from all chosen before."""
+    chosen: list[int] = []
+    for i in order:
+        if not chosen or np.all(pose_difference(T[i], T[chosen], max_radius) >= apart):
+            chosen.append(int(i))
+            if len(chosen) == n:
+                break
+    return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One attempt out of many, with the objective that ranked it."""
+
+    attempts: Attempts
+    index: int
+    objective: float
+
+    @property
+    def T_object_palm(self) -> Array:
+        """Palm pose (4, 4)."""
+        return np.asarray(self.attempts.T_object_palm[self.index])
+
+    @property
+    def epsilon(self) -> float:
+        """Epsilon by the evaluator."""
+        return float(self.attempts.epsilon[self.index])
+
+    @property
+    def spread(self) -> float:
+        """Spread of the open hand [rad]."""
+        return float(self.attempts.spread[self.index])
+
+
+class GraspArchive:
+    """The best attempts so far, thinned so that one good neighbourhood cannot fill it.
+
+    Parameters
+    ----------
+    max_radius : float [m]
+        Scale of the distance rule.
+    volume_weight : float
+        Lambda of the objective.
+    capacity : int
+    """
+
+    def __init__(self, max_radius: float, volume_weight: float, capacity: int = 160):
+        self.max_radius = max_radius
+        self.volume_weight = volume_weight
+        self.capacity = capacity
+        self._candidates: list[Candidate] = []
+        self.best_attempt: Candidate | None = None
+
+    def __len__(self) -> int:
+        return len(self._candidates)
+
+    @property
+    def best_epsilon(self) -> float:
+        """Largest epsilon in the archive, -1 where it is empty."""
+        return max((c.epsilon for c in self._candidates), default=-1.0)
+
+    def add(self, attempts: Attempts) -> None:
+        """Take the force-closure grasps among attempts; remember the best of the others."""
+        objective = attempts.objective(self.volume_weight)
+        grasped = attempts.status == AttemptStatus.GRASPED
+        for i in np.flatnonzero(grasped & (attempts.epsilon > 0.0)):
+            self._candidates.append(Candidate(attempts, int(i), float(objective[i])))
+        if len(attempts) and (index := int(np.argmax(objective))) is not None:
+            best = self.best_attempt
+            if grasped[index] and (best is None or objective[index] > best.objective):
+                self.best_attempt = Candidate(attempts, index, float(objective[index]))
+        if len(self._candidates) > 3 * self.capacity:
+            self._candidates = self._ranked(self.capacity, 0.5 * DISTINCT)
+
+    def best(self, n: int, apart: float = DISTINCT) -> list[Candidate]:
+        """The `n` best that are `apart` from each other, best first."""
+        return self._ranked(n, apart)
+
+    def _ranked(self, n: int, apart: float) -> list[Candidate]:
+        if not self._candidates:
+            return []
+        objective = np.array([c.objective for c in self._candidates])
+        order = np.argsort(-objective, kind="stable")
+        T = np.stack([c.T_object_palm for c in self._candidates])
+        return [self._candidates[i] for i in distinct(T, order, self.max_radius, n, apart)]

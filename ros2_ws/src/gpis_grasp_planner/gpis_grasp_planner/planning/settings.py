@@ -1,0 +1,45 @@
+"""All settings of the planner, by group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.planning.hpp_opt import HppSettings
+from gpis_grasp_planner.planning.local_adaption import AdaptionSettings
+from gpis_grasp_planner.planning.scene_settings import SceneSettings
+from gpis_grasp_planner.settings import SettingsGroup
+from gpis_grasp_planner.surface.settings import SurfaceSettings
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """The groups; a setting's full name is ``group.name``, as in the ROS parameters."""
+
+    scene: SceneSettings = field(default_factory=SceneSettings)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+    adaption: AdaptionSettings = field(default_factory=AdaptionSettings)
+    hpp: HppSettings = field(default_factory=HppSettings)
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """Values by group and name, ready for JSON."""
+        return {f.name: getattr(self, f.name).as_dict() for f in fields(self)}
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]]) -> PlannerSettings:
+        """Build from groups of names and values; unknown ones are errors naming the known."""
+        groups = setting_groups()
+        unknown = sorted(set(values) - set(groups))
+        if unknown:
+            raise RequestError(
+                f"Unknown group of settings {', '.join(unknown)}; known are {', '.join(groups)}."
+            )
+        return cls(**{name: groups[name].from_mapping(group) for name, group in values.items()})
+
+
+def setting_groups() -> dict[str, type[SettingsGroup]]:
+    """The groups' classes by name."""
+    default = PlannerSettings()
+    return {f.name: type(getattr(default, f.name)) for f in fields(default)}
