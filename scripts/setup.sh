@@ -48,7 +48,7 @@ stage() {
 virtual_environment() {
     scripts/system_packages.sh
     # One that works is kept, with what it holds; a half-made one is made anew.
-    "$venv/bin/python" -c 'import pip, sys; assert sys.version_info[:2] == (3, 11)' 2>/dev/null \
+    "$venv/bin/python" -m pip --version 2>/dev/null | grep -q '(python 3\.11)' \
         || "$(scripts/system_packages.sh --python)" -m venv --clear "$venv"
 }
 
