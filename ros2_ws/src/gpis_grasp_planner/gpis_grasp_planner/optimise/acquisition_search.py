@@ -13,11 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from gpis_grasp_planner.optimise.domain import Domain
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 Array = NDArray[np.float64]
+
+DIFFERENCE_STEP = 1e-6
+"""Forward differences of the polish, relative to the domain."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,9 @@ class AcquisitionSearchSettings(SettingsGroup):
     )
     radius_end: float = setting(
         0.002, low=1e-9, high=1.0, description="Last radius, relative to the domain."
+    )
+    polish_iterations: int = setting(
+        0, low=0, high=1000, description="Iterations of L-BFGS-B from the winner; 0 is off."
     )
 
 
@@ -75,9 +82,11 @@ def refine(
     values : (k,) array
     """
     points, values = np.array(starts), np.array(values)
-    k, m = len(points), settings.n_neighbours
+    k = len(points)
     if settings.n_rounds == 0 or k == 0:
         return points, values
+    # More starts than usual (a batch) share the neighbours of the usual number.
+    m = max(4, settings.n_neighbours * settings.n_starts // max(k, settings.n_starts))
     rows = np.arange(k)
     for radius in np.geomspace(settings.radius_start, settings.radius_end, settings.n_rounds):
         trial = domain.perturb(np.repeat(points, m, axis=0), np.full(k * m, radius), rng)
@@ -87,6 +96,44 @@ def refine(
         points[better] = trial.reshape(k, m, -1)[rows, best][better]
         values[better] = trial_values[rows, best][better]
     return points, values
+
+
+def polish(
+    acquisition: Callable[[Array], Array],
+    domain: Domain,
+    start: Array,
+    value: float,
+    iterations: int,
+) -> tuple[Array, float]:
+    """Climb from `start` (dim,) by L-BFGS-B with forward differences; never worse than it.
+
+    The differences of one gradient are one batch of dim + 1 points, so a gradient costs about
+    as much as a single value. Periodic coordinates are free, the others bounded.
+    """
+    width = domain.upper - domain.lower
+    steps = np.vstack([np.zeros(domain.dim), DIFFERENCE_STEP * np.eye(domain.dim)])
+
+    def negative(unit: Array) -> tuple[float, Array]:
+        # Steps go inward at the upper bound, where an outward one would be clipped away.
+        inward = np.where((unit > 0.5) & ~domain.periodic, -1.0, 1.0)
+        values = acquisition(domain.clip(domain.lower + (unit + inward * steps) * width))
+        gradient = (values[1:] - values[0]) / (DIFFERENCE_STEP * inward)
+        if not (np.isfinite(values[0]) and np.all(np.isfinite(gradient))):
+            return 1e10, np.zeros(domain.dim)
+        return -float(values[0]), -gradient
+
+    bounds = [(None, None) if free else (0.0, 1.0) for free in domain.periodic]
+    result = minimize(
+        negative,
+        (start - domain.lower) / width,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"maxiter": iterations},
+    )
+    if -result.fun > value:
+        return domain.clip((domain.lower + result.x * width)[None])[0], -float(result.fun)
+    return start, value
 
 
 def maximise_acquisition(
@@ -110,4 +157,8 @@ def maximise_acquisition(
     top = np.argsort(-values, kind="stable")[: settings.n_starts]
     points, best = refine(acquisition, domain, X[top], values[top], settings, rng)
     winner = int(np.argmax(best))
-    return points[winner], float(best[winner])
+    if settings.polish_iterations == 0:
+        return points[winner], float(best[winner])
+    return polish(
+        acquisition, domain, points[winner], float(best[winner]), settings.polish_iterations
+    )

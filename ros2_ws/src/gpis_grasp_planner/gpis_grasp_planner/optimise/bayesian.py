@@ -23,8 +23,11 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.optimise.acquisition import log_expected_improvement
 from gpis_grasp_planner.optimise.acquisition_search import (
     AcquisitionSearchSettings,
+    candidates,
     maximise_acquisition,
+    refine,
 )
+from gpis_grasp_planner.optimise.candidate_posterior import CandidatePosterior
 from gpis_grasp_planner.optimise.distances import Distance
 from gpis_grasp_planner.optimise.domain import Domain
 from gpis_grasp_planner.optimise.gaussian_process import GaussianProcess, GaussianProcessSettings
@@ -42,7 +45,7 @@ class BayesianSettings(SettingsGroup):
         20, low=1, high=100000, description="Latin hypercube points before the model is asked."
     )
     xi: float = setting(
-        0.01,
+        1e-4,
         low=0.0,
         high=10.0,
         description="Margin of expected improvement, in standard deviations of the targets.",
@@ -145,7 +148,7 @@ class BayesianOptimiser:
 
         The first `n_initial` are the Latin hypercube's. Later ones maximise expected
         improvement one after the other, each imagined to return the model's mean (the kriging
-        believer), so that they spread.
+        believer), so that they spread; the whole batch costs little more than one point.
         """
         first = min(k, len(self._initial) - self._n_initial_asked)
         chosen = list(self._initial[self._n_initial_asked : self._n_initial_asked + first])
@@ -214,28 +217,44 @@ class BayesianOptimiser:
 
     def _ask_model(self, k: int) -> list[Array]:
         self._update_process()
-        process = self.process if k == 1 else self.process.copy()
         objective = self.objective
         order = np.argsort(-objective, kind="stable")[: self.search_settings.n_incumbents]
         incumbents, best = self.X[order], float(objective.max())
-        xi = self.settings.xi * process.target_std
+        xi = self.settings.xi * self.process.target_std
 
         def acquisition(X: Array) -> Array:
-            mean, std = process.predict(self.domain.features(X))
-            if self.known_term is not None:
-                mean = mean + self.known_term(X)
-            return log_expected_improvement(mean, std, best, xi)
+            mean, std = self.process.predict(self.domain.features(X))
+            return log_expected_improvement(mean + self._known(X), std, best, xi)
 
-        chosen: list[Array] = []
-        for j in range(k):
+        if k == 1:
             x, _ = maximise_acquisition(
                 acquisition, self.domain, incumbents, self.search_settings, self._rng
             )
-            chosen.append(x)
-            if j + 1 < k:
-                imagined = self.domain.features(x[None])
-                process.append(imagined, process.predict_mean(imagined))
-        return chosen
+            return [x]
+
+        def spread(X: Array) -> NDArray[np.intp]:
+            posterior = CandidatePosterior(self.process, self.domain.features(X), k)
+            mean = posterior.mean + self._known(X)
+            chosen: list[int] = []
+            for _ in range(k):
+                score = log_expected_improvement(mean, posterior.std, best, xi)
+                score[chosen] = -np.inf
+                chosen.append(int(np.argmax(score)))
+                posterior.believe(chosen[-1])
+            return np.asarray(chosen)
+
+        # Spread starts, climb from all of them at once, and choose again among both: two starts
+        # that climbed the same peak count once, and the next best candidate takes the place.
+        X = candidates(self.domain, incumbents, self.search_settings, self._rng)
+        starts = X[spread(X)]
+        refined, _ = refine(
+            acquisition, self.domain, starts, acquisition(starts), self.search_settings, self._rng
+        )
+        pool = np.vstack([refined, X])
+        return list(pool[spread(pool)])
+
+    def _known(self, X: Array) -> Array | float:
+        return 0.0 if self.known_term is None else self.known_term(X)
 
 
 def maximise(

@@ -28,11 +28,18 @@ class Domain(Protocol):
     ----------
     dim : int
         Number of search coordinates.
+    lower, upper : (dim,) arrays
+        Their bounds.
+    periodic : (dim,) array of bool
+        Which of them wrap around.
     distance : Distance
         Distance over the features.
     """
 
     dim: int
+    lower: Array
+    upper: Array
+    periodic: NDArray[np.bool_]
     distance: Distance
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:

@@ -32,7 +32,7 @@ class GaussianProcessSettings(SettingsGroup):
     """Parameters of the regression; standard deviations are relative to that of the targets."""
 
     noise_std_min: float = setting(
-        1e-3, low=1e-6, high=1.0, description="Lower bound of the observation noise."
+        1e-4, low=1e-6, high=1.0, description="Lower bound of the observation noise."
     )
     noise_std_max: float = setting(
         0.5, low=1e-6, high=10.0, description="Upper bound of the observation noise."
@@ -167,6 +167,16 @@ class GaussianProcess:
             # An indefinite kernel may exceed the prior even after the projection: cut at zero.
             std[block] = np.sqrt(np.maximum(signal - signal**2 * reduction, 0.0))
         return self._offset + self._unit * mean, self._unit * std
+
+    def mean_and_whitened(self, features: Array) -> tuple[Array, Array]:
+        """Posterior mean (m,), and V (n, m) with posterior covariance k(F, F) - V^T V.
+
+        V is in standardised units; see :class:`.candidate_posterior.CandidatePosterior`.
+        """
+        factor, signal = self._ready(), self.signal_variance
+        cross = signal * correlation(self.distance, features, self.features, self.length_scales)
+        mean = self._offset + self._unit * (self._mean + cross @ self._weights)
+        return mean, factor.whiten(cross.T)
 
     def predict_mean(self, features: ArrayLike) -> Array:
         """Posterior mean (m,) alone, O(n m)."""
