@@ -1,0 +1,85 @@
+"""Coupling, breakaway, limits and times with values worked out by hand from the gear ratios."""
+
+import numpy as np
+import pytest
+
+from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.hand.drive import (
+    joints_from_motors,
+    motor_at_end,
+    motors_from_joints,
+    reachable,
+    travel_time,
+)
+
+
+def degrees(spread, motor, stop=np.inf):
+    """Joint angles [deg] for one posture given in degrees."""
+    hand = load_hand()
+    stop = np.radians(np.asarray(stop, dtype=float))
+    q = joints_from_motors(hand, np.radians([spread]), np.radians([motor]), stop)
+    return np.degrees(q[0])
+
+
+def test_before_breakaway_the_distal_joint_turns_a_third_of_the_inner():
+    found = degrees(30.0, [90.0, 60.0, 0.0])
+    np.testing.assert_allclose(found, [30, 30, 90, 60, 0, 30, 20, 0], atol=1e-9)
+
+
+def test_after_breakaway_the_inner_holds_and_the_distal_goes_on_four_thirds():
+    # Stopped at 45 deg, where the distal joint is at 15; 6 deg more of motor are 8 of the joint.
+    found = degrees(0.0, [51.0, 45.0, 30.0], [45.0, 45.0, 45.0])
+    np.testing.assert_allclose(found, [0, 0, 45, 45, 30, 23, 15, 10], atol=1e-9)
+
+
+def test_the_firmware_law_holds_in_motor_angles():
+    motor_deg = 5000.0  # of the motor's shaft: 40 deg at 125:1
+    stop = 24.0
+    expected = motor_deg * (1 / 125 + 1 / 375) - stop
+    assert degrees(0.0, [motor_deg / 125] * 3, [stop] * 3)[5] == pytest.approx(expected, abs=1e-9)
+
+
+def test_angles_are_clipped_to_the_limits():
+    found = degrees(200.0, [170.0, -5.0, 100.0], [np.inf, np.inf, 30.0])
+    np.testing.assert_allclose(found, [180, 180, 140, 0, 30, 48, 0, 48], atol=1e-9)
+
+
+def test_motors_and_joints_are_inverse_on_both_sides_of_the_breakaway():
+    hand = load_hand()
+    seed = 11
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    spread = rng.uniform(0.0, np.pi, 200)
+    stop = rng.uniform(0.0, np.radians(140.0), (200, 3))
+    motor = rng.uniform(0.0, 1.0, (200, 3)) * motor_at_end(hand, stop)
+    q = joints_from_motors(hand, spread, motor, stop)
+    spread_back, motor_back = motors_from_joints(hand, q)
+    np.testing.assert_allclose(spread_back, spread, atol=1e-12)
+    np.testing.assert_allclose(motor_back, motor, atol=1e-12)
+    assert reachable(hand, q).all()
+
+
+def test_what_the_drive_cannot_reach_is_told():
+    hand = load_hand()
+    good = joints_from_motors(hand, [0.5], [[1.0, 1.0, 1.0]])[0]
+    behind, apart, beyond = good.copy(), good.copy(), good.copy()
+    behind[hand.fingers[1].distal_joint] -= 0.1
+    apart[hand.fingers[0].spread_joint] += 0.1
+    beyond[hand.fingers[2].distal_joint] = np.radians(48.1)
+    found = reachable(hand, np.stack([good, behind, apart, beyond]))
+    np.testing.assert_array_equal(found, [True, False, False, False])
+
+
+def test_a_stopped_finger_ends_at_the_distal_limit_or_the_motors_end():
+    hand = load_hand()
+    # (stop + 48) 3/4: 36 deg for a link stopped at once, 58.5 at 30; free it runs to 140.
+    found = np.degrees(motor_at_end(hand, np.radians([0.0, 30.0, 140.0, np.inf])))
+    np.testing.assert_allclose(found, [36.0, 58.5, 140.0, 140.0], atol=1e-9)
+
+
+def test_full_travel_takes_the_quoted_times():
+    hand = load_hand()
+    start, end = np.zeros((1, 4)), hand.drive.motor_upper[None]
+    np.testing.assert_allclose(travel_time(hand, start, end), [[0.5, 1.0, 1.0, 1.0]])
+    assert hand.drive.motor_speed[1] == pytest.approx(2.44, abs=0.005)
+    assert hand.drive.motor_speed[0] == pytest.approx(6.28, abs=0.005)
