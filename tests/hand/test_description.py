@@ -8,7 +8,8 @@ from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.description import available_hands, load_hand, urdf_text
 from gpis_grasp_planner.hand.kinematics import link_transforms
 
-JOINTS = [
+SPREAD, INNER = ["bh_j11_joint", "bh_j21_joint"], ["bh_j12_joint", "bh_j22_joint", "bh_j32_joint"]
+DISTAL = ["bh_j13_joint", "bh_j23_joint", "bh_j33_joint"]
     "bh_j11_joint",
     "bh_j21_joint",
     "bh_j12_joint",
@@ -22,7 +23,7 @@ JOINTS = [
 
 def test_joint_names_and_limits_are_those_of_the_fact_sheet():
     hand = load_hand()
-    assert list(hand.joint_names) == JOINTS
+    assert list(hand.joint_names) == SPREAD + INNER + DISTAL
     np.testing.assert_array_equal(hand.joint_lower, 0.0)
     np.testing.assert_allclose(
         np.degrees(hand.joint_upper), [180, 180, 140, 140, 140, 48, 48, 48], atol=1e-9
