@@ -10,15 +10,6 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 
 SPREAD, INNER = ["bh_j11_joint", "bh_j21_joint"], ["bh_j12_joint", "bh_j22_joint", "bh_j32_joint"]
 DISTAL = ["bh_j13_joint", "bh_j23_joint", "bh_j33_joint"]
-    "bh_j11_joint",
-    "bh_j21_joint",
-    "bh_j12_joint",
-    "bh_j22_joint",
-    "bh_j32_joint",
-    "bh_j13_joint",
-    "bh_j23_joint",
-    "bh_j33_joint",
-]
 
 
 def test_joint_names_and_limits_are_those_of_the_fact_sheet():
