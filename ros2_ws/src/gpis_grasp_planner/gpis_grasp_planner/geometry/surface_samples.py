@@ -77,8 +77,9 @@ def even_samples(mesh: TriangleMesh, count: int, seed: int) -> SurfaceSamples:
 
 
 def sharp_edges(mesh: TriangleMesh, angle_deg: float = SHARP_ANGLE_DEG) -> Array:
-    """End points (k, 2, 3) [m] of the edges whose faces differ by more than an angle, and of
-    those that do not have two faces.
+    """End points (k, 2, 3) [m] of the edges whose faces differ by more than an angle.
+
+    An edge that does not have two faces counts as sharp.
     """
     edges = find_edges(mesh.faces)
     normals = mesh.face_normals_outward
