@@ -53,17 +53,25 @@ virtual_environment() {
 }
 
 dependencies() {
+    # Killed in the middle, it may have left packages that look installed and are half there.
+    local begun=$stamps/dependencies.begun settings anew=() anew_uv=() quiet=(-q)
+    [ ! -e "$begun" ] || { anew=(--force-reinstall) anew_uv=(--reinstall); }
+    [ ! -t 2 ] || quiet=()
+    mkdir -p "$stamps"
+    touch "$begun"
+
+    echo "Some 240 packages, 2.6 GB when installed; the first time they have to be downloaded."
     "$venv/bin/python" -m pip install -q --disable-pip-version-check --require-hashes \
-        -r requirements/installer.lock
-    local settings
+        "${anew[@]}" -r requirements/installer.lock
     settings=$("$venv/bin/python" scripts/uv_settings.py)
     # The few source distributions are built with the locked setuptools, too.
     (
         eval "$settings"
-        "$venv/bin/uv" pip install --python "$venv/bin/python" --require-hashes \
-            --build-constraints requirements/requirements.lock \
+        "$venv/bin/uv" pip install "${quiet[@]}" --python "$venv/bin/python" --require-hashes \
+            "${anew_uv[@]}" --build-constraints requirements/requirements.lock \
             -r requirements/requirements.lock
     )
+    rm "$begun"
 }
 
 workspace() {
