@@ -96,7 +96,8 @@ warm_up() {
 
 stage virtual_environment "$(key scripts/system_packages.sh)" virtual_environment
 stage dependencies "$(key requirements/*.lock)" dependencies
-stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource})" \
+stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource} \
+    "$planner"/gpis_grasp_planner/hand/models)" \
     workspace
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
 # Numba keeps compiled functions beside their modules, each valid until its module changes.

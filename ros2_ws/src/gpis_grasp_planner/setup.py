@@ -1,8 +1,13 @@
 """Build script of the ROS package (ament_python); plain pip installs it as well."""
 
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 NAME = "gpis_grasp_planner"
+HAND_FILES = sorted(
+    p for p in Path(NAME, "hand/models").rglob("*") if p.suffix in {".urdf", ".stl"}
+)
 
 setup(
     name=NAME,
@@ -19,6 +24,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        # For other machines' package://gpis_grasp_planner/hand/models/<hand>/meshes/...
+        *((f"share/{p.parent}", [str(p)]) for p in HAND_FILES),
     ],
     zip_safe=False,
     python_requires=">=3.11",
