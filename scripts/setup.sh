@@ -97,8 +97,7 @@ warm_up() {
 stage virtual_environment "$(key scripts/system_packages.sh)" virtual_environment
 stage dependencies "$(key requirements/*.lock)" dependencies
 stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource} \
-    "$planner"/gpis_grasp_planner/hand/models)" \
-    workspace
+    "$planner"/gpis_grasp_planner/hand/models)" workspace
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
 # Numba keeps compiled functions beside their modules, each valid until its module changes.
 if [ -f "$planner/gpis_grasp_planner/scene/warm_up.py" ]; then
