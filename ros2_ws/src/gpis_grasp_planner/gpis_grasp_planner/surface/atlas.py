@@ -37,7 +37,7 @@ class SurfaceAtlas:
 
     def nearest(self, points: ArrayLike) -> tuple[NDArray[np.intp], Array]:
         """Indices (n,) and positions (n, 3) of the atlas points nearest to points (n, 3)."""
-        _, index = self._tree.query(np.asarray(points, dtype=np.float64))
+        index = np.asarray(self._tree.query(np.asarray(points, dtype=np.float64))[1])
         return index, self.points[index]
 
     def chart(self, index: int) -> Chart:

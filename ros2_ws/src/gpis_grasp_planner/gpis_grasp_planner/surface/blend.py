@@ -41,7 +41,7 @@ def evaluate(
     kind: int,
     a: float,
     variance: float,
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Sums of the blend at points `x` (n, 3).
 
     Returns
@@ -52,12 +52,17 @@ def evaluate(
     value : (n,) array [m]
         ``sum_j w_j f_j``.
     value_gradient : (n, 3) array
+    reach : (n,) array [m]
+        ``sum_j w_j s_j`` with the radius s_j of the samples of a patch.
+    reach_gradient : (n, 3) array
     """
     n = x.shape[0]
     total = np.zeros(n)
     total_gradient = np.zeros((n, 3))
     value = np.zeros(n)
     value_gradient = np.zeros((n, 3))
+    reach = np.zeros(n)
+    reach_gradient = np.zeros((n, 3))
     for i in range(n):
         cx = math.floor((x[i, 0] - low[0]) / cell)
         cy = math.floor((x[i, 1] - low[1]) / cell)
@@ -99,7 +104,11 @@ def evaluate(
             total_gradient[i, 0] += slope * dx
             total_gradient[i, 1] += slope * dy
             total_gradient[i, 2] += slope * dz
+            reach[i] += w * scale[j]
+            reach_gradient[i, 0] += slope * scale[j] * dx
+            reach_gradient[i, 1] += slope * scale[j] * dy
+            reach_gradient[i, 2] += slope * scale[j] * dz
             value_gradient[i, 0] += w * (variance * gx + trend[j, 1]) + f * slope * dx
             value_gradient[i, 1] += w * (variance * gy + trend[j, 2]) + f * slope * dy
             value_gradient[i, 2] += w * (variance * gz + trend[j, 3]) + f * slope * dz
-    return total, total_gradient, value, value_gradient
+    return total, total_gradient, value, value_gradient, reach, reach_gradient

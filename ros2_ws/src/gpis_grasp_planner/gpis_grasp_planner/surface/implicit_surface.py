@@ -5,8 +5,8 @@ samples' normals enter as observations of the gradient, of unit length, so that 
 f is the signed distance in metres and ``|f| <= epsilon_c`` (0.2 mm) of the contact constraint
 means what it says.
 
-Near the surface f is the blend of local posteriors of :mod:`.patches`. Farther than the patches
-reach, f passes smoothly into the signed distance to the nearest sample: the mean function there.
+Near the surface f is the blend of local posteriors of :mod:`.patches`. Farther away f passes
+smoothly into the signed distance to the nearest sample (:mod:`.far_field`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.surface import blend, kernels, sampling
+from gpis_grasp_planner.surface.far_field import BAND, FADE_WEIGHT, posterior_share
 from gpis_grasp_planner.surface.patches import (
     KernelParameters,
     Patches,
@@ -33,8 +34,6 @@ from gpis_grasp_planner.surface.settings import SurfaceSettings
 
 Array = NDArray[np.float64]
 
-# Below this sum of patch weights the far field begins to take over (a patch's centre weighs 1).
-_FAR_WEIGHT = 0.02
 _FEWEST_SAMPLES = 4
 
 
@@ -126,30 +125,41 @@ class ImplicitSurface:
     def value_and_gradient(self, points: ArrayLike) -> tuple[Array, Array]:
         """Both at once for points (n, 3), at the cost of one: some 2-5 us a point."""
         x = _checked_points(points)
-        total, total_gradient, value, gradient = blend.evaluate(x, *self._arrays)
-        far = np.flatnonzero(total < _FAR_WEIGHT)
-        if len(far):
-            mean, mean_gradient = self._far_field(x[far])
-            # A weight of the mean that starts with zero slope where the patches fade out.
-            lack = 1.0 - total[far] / _FAR_WEIGHT
-            w = _FAR_WEIGHT * lack**2
-            dw = -2.0 * lack[:, None] * total_gradient[far]
-            total[far] += w
-            total_gradient[far] += dw
-            value[far] += w * mean
-            gradient[far] += w[:, None] * mean_gradient + mean[:, None] * dw
-        value /= total
+        total, total_gradient, value, gradient, reach, reach_gradient = blend.evaluate(
+            x, *self._arrays
+        )
+        safe = np.where(total > 0.0, total, 1.0)
+        value /= safe
         gradient -= value[:, None] * total_gradient
-        gradient /= total[:, None]
+        gradient /= safe[:, None]
+        distance, nearest = self._nearest_sample(x)
+        # A point nearer to a sample than this keeps the posterior as it is.
+        inner = BAND[0] * reach / safe
+        rows = np.flatnonzero((distance > inner) | (total < FADE_WEIGHT))
+        if not len(rows):
+            return value, gradient
+        x, distance, nearest = x[rows], distance[rows], nearest[rows]
+        mean, direction, side = self._far_field(x, distance, nearest)
+        S, dS = total[rows], total_gradient[rows]
+        share, d_share = posterior_share(
+            distance, direction, S, dS, reach[rows], reach_gradient[rows]
+        )
+        surplus = value[rows] - mean
+        value[rows] = mean + share * surplus
+        gradient[rows] = (
+            share[:, None] * gradient[rows]
+            + ((1.0 - share) * side)[:, None] * direction
+            + surplus[:, None] * d_share
+        )
         return value, gradient
 
     def variance(self, points: ArrayLike) -> Array:
         """Variance (n,) [m^2] at points (n, 3): near 0 at the samples, growing away from them.
 
         The square of ``sum_j w_j sigma_j / sum_j w_j``, which bounds the standard deviation of the
-        blend from above however the local posteriors are correlated. Beyond the patches, the
-        squared distance to the nearest sample is added: the prior there knows a slope of one at
-        most. Factorises the touched patches anew (about 1 ms each), as it is asked for rarely.
+        blend from above however the local posteriors are correlated. In the far field it passes
+        into the squared distance to the nearest sample: nothing but a slope of at most one is
+        known there. Factorises the touched patches anew (about 1 ms each).
         """
         x = _checked_points(points)
         p, kernel = self._patches, self._kernel
@@ -173,23 +183,41 @@ class ImplicitSurface:
             remaining = (prior - np.einsum("ij,ij->j", half, half)).clip(0.0)
             weight[rows] += w
             deviation[rows] += w * p.scale[j] * np.sqrt(remaining)
-        distance, _ = self._tree.query(x)
-        w = _FAR_WEIGHT * (1.0 - weight / _FAR_WEIGHT).clip(0.0) ** 2
-        return ((deviation + w * distance) / (weight + w)) ** 2
+        total, total_gradient, _, _, reach, reach_gradient = blend.evaluate(x, *self._arrays)
+        distance, _ = self._nearest_sample(x)
+        share, _ = posterior_share(
+            distance, np.zeros_like(x), total, total_gradient, reach, reach_gradient
+        )
+        deviation /= np.where(weight > 0.0, weight, 1.0)
+        return (share * deviation + (1.0 - share) * distance) ** 2
 
-    def _far_field(self, x: Array) -> tuple[Array, Array]:
-        """Signed distance to the nearest sample (m,) and its gradient (m, 3)."""
+    def _nearest_sample(self, x: Array) -> tuple[Array, NDArray[np.intp]]:
         distance, nearest = self._tree.query(x)
+        return np.asarray(distance), np.asarray(nearest)
+
+    def _far_field(
+        self, x: Array, distance: Array, nearest: NDArray[np.intp]
+    ) -> tuple[Array, Array, Array]:
+        """Signed distance to the nearest sample, direction away from it, and the sign.
+
+        The sign is that of the posterior on the way from the nearest sample to x, still within
+        the patches: that way does not cross the surface, or another sample would be nearer. The
+        nearest sample's own normal would not do: in front of a thin wall the nearest sample may
+        be one of its back.
+        """
         offset = x - self.points[nearest]
-        side = np.einsum("ij,ij->i", offset, self.normals_outward[nearest])
-        sign = np.where(side >= 0.0, 1.0, -1.0)
-        gradient = np.divide(
-            sign[:, None] * offset,
+        direction = np.divide(
+            offset,
             distance[:, None],
             out=self.normals_outward[nearest].copy(),
             where=distance[:, None] > 0.0,
         )
-        return sign * distance, gradient
+        step = np.minimum(distance, BAND[0] * self._patches.sample_reach[nearest])
+        probe = self.points[nearest] + step[:, None] * direction
+        total, _, value, _, _, _ = blend.evaluate(probe, *self._arrays)
+        along = np.einsum("ij,ij->i", direction, self.normals_outward[nearest])
+        side = np.where(np.where(total > 0.0, value, along) >= 0.0, 1.0, -1.0)
+        return side * distance, direction, side
 
 
 def fit_part(

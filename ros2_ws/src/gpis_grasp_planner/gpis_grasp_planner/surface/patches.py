@@ -16,7 +16,6 @@ covariance matrices alike (and well scaled) for a 16 mm ball and a 300 mm housin
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numba
@@ -58,6 +57,8 @@ class Patches:
         Coefficients of value and gradient: ``(K + noise)^-1 y``.
     trend : (P, 4) array
         Constant and slope of the linear part of the mean.
+    sample_reach : (n,) array [m]
+        Distance of every fitted point to the last of its `patch_size` nearest.
     jitter : float
         The largest jitter that any patch needed.
     """
@@ -70,6 +71,7 @@ class Patches:
     local: Array
     weights: Array
     trend: Array
+    sample_reach: Array
     jitter: float
 
 
@@ -106,11 +108,14 @@ class KernelParameters:
 def choose_centers(
     tree: cKDTree, settings: SurfaceSettings
 ) -> tuple[IntArray, list[IntArray], Array]:
-    """Greedy cover: centres (indices of samples), the samples of each, and their radii [m]."""
+    """Greedy cover: centres (indices of samples), the samples of each.
+
+    The third array (n,) [m] is the distance of every point to the last of its nearest ones.
+    """
     points = tree.data
     k = min(settings.patch_size, len(points))
     distance, neighbour = tree.query(points, k=k)
-    distance, neighbour = distance.reshape(-1, k), neighbour.reshape(-1, k)
+    distance, neighbour = np.reshape(distance, (-1, k)), np.reshape(neighbour, (-1, k))
     radius = distance[:, -1]
     open_ = np.ones(len(points), dtype=bool)
     centers = []
@@ -123,7 +128,7 @@ def choose_centers(
             )
             open_[neighbour[i][near]] = False
     index = np.array(centers)
-    return index, [neighbour[i] for i in index], radius[index]
+    return index, [neighbour[i] for i in index], radius
 
 
 def fit_patches(
@@ -137,8 +142,8 @@ def fit_patches(
         Code MESH_DEGENERATE if a covariance matrix stays indefinite up to the last jitter.
     """
     kernel = KernelParameters.from_settings(settings)
-    center_index, members, scale = choose_centers(tree, settings)
-    center = points[center_index]
+    center_index, members, sample_reach = choose_centers(tree, settings)
+    center, scale = points[center_index], sample_reach[center_index]
     local, weights, trend = [], [], []
     largest = 0.0
     for j, samples in enumerate(members):
@@ -161,6 +166,7 @@ def fit_patches(
         local=np.concatenate(local),
         weights=np.concatenate(weights),
         trend=np.array(trend),
+        sample_reach=sample_reach,
         jitter=largest,
     )
 

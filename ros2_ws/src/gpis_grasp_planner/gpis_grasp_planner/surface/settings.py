@@ -12,19 +12,19 @@ class SurfaceSettings(SettingsGroup):
     """How a mesh becomes a Gaussian process implicit surface."""
 
     n_samples: int = setting(
-        3000, low=50, high=50_000, description="Surface samples aimed at when a mesh is fitted."
+        10_000, low=50, high=50_000, description="Surface samples aimed at when a mesh is fitted."
     )
     patch_size: int = setting(
         40, low=8, high=200, description="Surface samples that each local Gaussian process holds."
     )
     patch_blend_ratio: float = setting(
-        0.8,
+        1.0,
         low=0.2,
         high=1.0,
         description="Radius at which a patch's weight ends, over the radius of its samples.",
     )
     patch_cover_ratio: float = setting(
-        0.5,
+        0.6,
         low=0.1,
         high=0.9,
         description="Samples nearer to a patch centre than this share of its blend radius need "
