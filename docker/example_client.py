@@ -8,8 +8,9 @@ from __future__ import annotations
 import sys
 
 import rclpy
-from gpis_grasp_msgs.srv import PlanGrasp
 from rclpy.node import Node
+
+from gpis_grasp_msgs.srv import PlanGrasp
 
 ATTEMPTS = 3
 ANSWER_TIMEOUT_S = 60.0  # a service call over DDS can get lost: give up, and ask again
