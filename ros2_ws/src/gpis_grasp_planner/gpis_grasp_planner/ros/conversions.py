@@ -1,0 +1,93 @@
+"""Planned grasps to messages: the only place where the object's pose meets the plan.
+
+``T_world_palm = T_world_object @ T_object_palm``; "world" is the frame of the object's pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3, Vector3Stamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from gpis_grasp_msgs.msg import Contact as ContactMessage
+from gpis_grasp_msgs.msg import Grasp as GraspMessage
+from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.ros.planned import Plan
+from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
+
+Array = NDArray[np.float64]
+
+
+def header_message(pose: ObjectPose) -> Header:
+    """Frame and stamp that everything derived from an object pose carries."""
+    seconds, nanoseconds = divmod(pose.stamp_ns, NANOSECONDS)
+    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=pose.frame_id)
+
+
+def pose_message(T: Array) -> Pose:
+    """Pose of a transform (4, 4); the quaternion has w >= 0."""
+    position, quat = to_position_quat_xyzw(T)
+    return Pose(
+        position=point_message(position),
+        orientation=Quaternion(x=quat[0], y=quat[1], z=quat[2], w=quat[3]),
+    )
+
+
+def point_message(point: Array) -> Point:
+    """Point from an array (3,) [m]."""
+    return Point(x=float(point[0]), y=float(point[1]), z=float(point[2]))
+
+
+def vector_message(vector: Array) -> Vector3:
+    """Vector from an array (3,)."""
+    return Vector3(x=float(vector[0]), y=float(vector[1]), z=float(vector[2]))
+
+
+def joint_state_message(header: Header, names: Sequence[str], positions: Array) -> JointState:
+    """Positions [rad] of all joints of the hand."""
+    return JointState(header=header, name=list(names), position=[float(q) for q in positions])
+
+
+def grasp_message(
+    grasp: Grasp, plan: Plan, pose: ObjectPose, hand: HandDescription
+) -> GraspMessage:
+    """One grasp where the object lies."""
+    header = header_message(pose)
+    T_world_object = pose.T_world_object
+    T_world_palm = T_world_object @ grasp.T_object_palm
+    R_world_object = T_world_object[:3, :3]
+    direction = R_world_object @ grasp.approach_direction
+    T_world_pregrasp = T_world_palm.copy()
+    T_world_pregrasp[:3, 3] -= grasp.approach_distance * direction
+    positions = apply(T_world_object, grasp.contacts.positions)
+    normals = grasp.contacts.normals_inward @ R_world_object.T
+    return GraspMessage(
+        mesh_id=plan.mesh_id,
+        mesh_hash=plan.mesh_hash,
+        palm_pose=PoseStamped(header=header, pose=pose_message(T_world_palm)),
+        pre_grasp=joint_state_message(header, hand.joint_names, grasp.pregrasp_joints),
+        grasp=joint_state_message(header, hand.joint_names, grasp.joints),
+        pre_grasp_palm_pose=PoseStamped(header=header, pose=pose_message(T_world_pregrasp)),
+        approach_direction=Vector3Stamped(header=header, vector=vector_message(direction)),
+        approach_distance=float(grasp.approach_distance),
+        epsilon=float(grasp.epsilon),
+        volume=float(grasp.volume),
+        contacts=[
+            ContactMessage(
+                link=hand.link_names[link],
+                position=point_message(position),
+                normal_inward=vector_message(normal),
+                friction=float(friction),
+            )
+            for link, position, normal, friction in zip(
+                grasp.contacts.links, positions, normals, grasp.contacts.friction, strict=True
+            )
+        ],
+    )

@@ -1,0 +1,140 @@
+"""ROS parameters from the settings: declared once there, checked the same way at every time."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from gpis_grasp_planner.errors import GraspPlannerError, RequestError
+from gpis_grasp_planner.ros.parameter_groups import parameter_groups, parameter_infos
+from gpis_grasp_planner.ros.settings import READ_ONLY, NodeSettings
+from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
+
+TYPES = {
+    bool: ParameterType.PARAMETER_BOOL,
+    int: ParameterType.PARAMETER_INTEGER,
+    float: ParameterType.PARAMETER_DOUBLE,
+    str: ParameterType.PARAMETER_STRING,
+    tuple: ParameterType.PARAMETER_STRING_ARRAY,
+}
+# Parameters that rclpy itself knows.
+BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
+
+class NodeParameters:
+    """The declared parameters of a node and the settings they hold at present.
+
+    Raises
+    ------
+    RequestError
+        If a value given at the start is refused, or belongs to no parameter.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._infos = parameter_infos()
+        self._refuse_unknown()
+        for name, info in self._infos.items():
+            self._declare(name, info)
+        self._groups = self._built({})
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._take)
+
+    @property
+    def node(self) -> NodeSettings:
+        """The node's own settings at this moment."""
+        group = self._groups[""]
+        assert isinstance(group, NodeSettings)
+        return group
+
+    def planning_values(self) -> dict[str, dict[str, Any]]:
+        """Values by group and name of everything that belongs to planning and the catalogue."""
+        return {name: group.as_dict() for name, group in self._groups.items() if name}
+
+    def group(self, name: str) -> SettingsGroup:
+        """One group of settings at this moment."""
+        return self._groups[name]
+
+    def _refuse_unknown(self) -> None:
+        # rclpy ignores an override of an undeclared parameter without a word: a slip of the pen
+        # in a parameter file would plan with the default.
+        given = getattr(self._node, "_parameter_overrides", {})
+        for name in given:
+            if name not in self._infos and not name.startswith(BUILT_IN):
+                near = difflib.get_close_matches(name, self._infos, 3, cutoff=0.5)
+                hint = f"Near are {', '.join(near)}." if near else "docs/parameters.md lists all."
+                raise RequestError(f"There is no parameter '{printable(name)}'. {hint}")
+
+    def _declare(self, name: str, info: SettingInfo) -> None:
+        default = list(info.default) if info.type is tuple else info.default
+        try:
+            self._node.declare_parameter(name, default, _descriptor(name, info))
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise RequestError(
+                f"Parameter '{name}' was given a value that is refused: {error}. It takes a "
+                f"{info.type.__name__}{_bounds(info)}; the default is {info.default!r}."
+            ) from error
+
+    def _built(self, changes: Mapping[str, Any]) -> dict[str, SettingsGroup]:
+        """Build all groups from the parameters, with changes by full name. Raises RequestError."""
+        groups = {}
+        for group, kind in parameter_groups().items():
+            prefix = f"{group}." if group else ""
+            names = [n for n, i in self._infos.items() if n == prefix + i.name]
+            values = {
+                n.removeprefix(prefix): changes.get(n, self._node.get_parameter(n).value)
+                for n in names
+            }
+            groups[group] = kind.from_mapping(
+                {k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in values.items()}
+            )
+        return groups
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._built({p.name: p.value for p in parameters if p.name in self._infos})
+        except GraspPlannerError as error:
+            return SetParametersResult(successful=False, reason=error.message)
+        except Exception as error:
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
+        return SetParametersResult(successful=True)
+
+    def _take(self, _parameters: list[Parameter]) -> None:
+        self._groups = self._built({})
+
+
+def _descriptor(name: str, info: SettingInfo) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(
+        name=name,
+        type=TYPES[info.type],
+        description=info.description,
+        read_only=name in READ_ONLY,
+    )
+    if info.choices is not None:
+        descriptor.additional_constraints = f"one of {info.range_text()}"
+    if info.low is not None and info.high is not None:
+        if info.type is float:
+            bounds = FloatingPointRange(from_value=float(info.low), to_value=float(info.high))
+            descriptor.floating_point_range = [bounds]
+        elif info.type is int:
+            whole = IntegerRange(from_value=int(info.low), to_value=int(info.high))
+            descriptor.integer_range = [whole]
+    return descriptor
+
+
+def _bounds(info: SettingInfo) -> str:
+    text = info.range_text()
+    return "" if text == "any" else f" in {text}"

@@ -1,0 +1,192 @@
+"""Object poses from topics: the newest estimate per part, kept unchecked until it is used.
+
+A bad estimate is logged when it comes and refused when it is asked for: going back to an older
+one, which the part may have left, would be a wrong grasp.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from std_msgs.msg import Header
+
+from gpis_grasp_msgs.msg import PartPoses
+from gpis_grasp_planner.errors import ErrorCode, PoseError
+from gpis_grasp_planner.ros.request_guard import ObjectPose, RawPose, check_pose
+from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.text import printable
+
+OBJECT_POSE_TOPIC = "object_pose"
+PART_POSES_TOPIC = "part_poses"
+
+# A best-effort, volatile subscription matches publishers of either reliability and durability.
+ESTIMATE_QOS = QoSProfile(
+    depth=10,
+    reliability=QoSReliabilityPolicy.BEST_EFFORT,
+    durability=QoSDurabilityPolicy.VOLATILE,
+)
+# Of part_poses: a stray publisher must not fill the memory.
+MAX_PARTS = 1000
+# A broken estimator at 100 Hz shall not fill the log.
+WARNING_PERIOD_S = 5.0
+
+
+class PoseSource:
+    """Subscribes to the estimates and answers where a part lies.
+
+    Parameters
+    ----------
+    node : Node
+    settings : callable
+        Gives the node's settings at the moment of the call.
+    """
+
+    def __init__(self, node: Node, settings: Callable[[], NodeSettings]) -> None:
+        self._node = node
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._untagged: RawPose | None = None
+        self._by_part: dict[str, RawPose] = {}
+        self._last_warning_s = -WARNING_PERIOD_S
+        if settings().pose_type == "pose_stamped":
+            node.create_subscription(
+                PoseStamped, OBJECT_POSE_TOPIC, self._on_pose, qos_profile=ESTIMATE_QOS
+            )
+        else:
+            node.create_subscription(
+                PoseWithCovarianceStamped,
+                OBJECT_POSE_TOPIC,
+                self._on_pose_with_covariance,
+                qos_profile=ESTIMATE_QOS,
+            )
+        node.create_subscription(
+            PartPoses, PART_POSES_TOPIC, self._on_part_poses, qos_profile=ESTIMATE_QOS
+        )
+
+    def newest(self, mesh_id: str) -> ObjectPose:
+        """The newest estimate for a part, checked at this moment.
+
+        An estimate that names the part (``part_poses``) goes before one that names none
+        (``object_pose``), however new: with several parts about, the latter may be of another.
+
+        Raises
+        ------
+        PoseError
+            NO_POSE_ESTIMATE, or what is wrong with the newest one.
+        """
+        with self._lock:
+            raw = self._by_part.get(mesh_id, self._untagged)
+            others = sorted(self._by_part)
+        if raw is None:
+            seen = ""
+            if others:
+                names = ", ".join(printable(name, 40) for name in others[:5])
+                seen = f" Estimates came only for: {names}."
+            raise PoseError(
+                f"There is no pose estimate for '{mesh_id}' yet.{seen} Publish one on "
+                f"'{self._node.resolve_topic_name(OBJECT_POSE_TOPIC)}' or "
+                f"'{self._node.resolve_topic_name(PART_POSES_TOPIC)}', or give object_pose in "
+                "the request.",
+                ErrorCode.NO_POSE_ESTIMATE,
+            )
+        return self.checked(raw)
+
+    def from_request(self, message: PoseStamped) -> ObjectPose | None:
+        """The pose a request carries, checked; None where it carries none.
+
+        Raises
+        ------
+        PoseError
+            EMPTY_FRAME for a pose that is filled in but has no frame: ignoring it would plan for
+            another place than the caller meant.
+        """
+        if not message.header.frame_id and not _filled_in(message):
+            return None
+        return self.checked(self._raw("the request's object_pose", message.header, message.pose))
+
+    def checked(self, raw: RawPose) -> ObjectPose:
+        """Check a pose at this moment."""
+        now_ns = self._node.get_clock().now().nanoseconds
+        pose = check_pose(raw, now_ns, time.monotonic(), self._settings())
+        for note in pose.notes:
+            self._warn(note)
+        return pose
+
+    def count(self) -> int:
+        """Number of parts with an estimate; the one without a name counts as one."""
+        with self._lock:
+            return len(self._by_part) + (self._untagged is not None)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        raw = self._raw(f"the estimate on {OBJECT_POSE_TOPIC}", message.header, message.pose)
+        self._take(None, raw)
+
+    def _on_pose_with_covariance(self, message: PoseWithCovarianceStamped) -> None:
+        raw = self._raw(
+            f"the estimate on {OBJECT_POSE_TOPIC}",
+            message.header,
+            message.pose.pose,
+            tuple(message.pose.covariance),
+        )
+        self._take(None, raw)
+
+    def _on_part_poses(self, message: PartPoses) -> None:
+        for part in message.parts:
+            raw = self._raw(
+                f"the estimate of '{printable(part.mesh_id, 64)}' on {PART_POSES_TOPIC}",
+                part.header,
+                part.pose.pose,
+                tuple(part.pose.covariance),
+            )
+            self._take(part.mesh_id, raw)
+
+    def _take(self, mesh_id: str | None, raw: RawPose) -> None:
+        with self._lock:
+            if mesh_id is None:
+                self._untagged = raw
+            elif mesh_id in self._by_part or len(self._by_part) < MAX_PARTS:
+                self._by_part[mesh_id] = raw
+            else:
+                self._warn(f"More than {MAX_PARTS} parts on {PART_POSES_TOPIC}; ignoring new ones.")
+        try:
+            self.checked(raw)
+        except PoseError as error:
+            self._warn(error.message)
+
+    def _raw(
+        self,
+        source: str,
+        header: Header,
+        pose: Pose,
+        covariance: tuple[float, ...] | None = None,
+    ) -> RawPose:
+        p, q = pose.position, pose.orientation
+        return RawPose(
+            source=source,
+            frame_id=header.frame_id,
+            stamp_sec=header.stamp.sec,
+            stamp_nanosec=header.stamp.nanosec,
+            position=(p.x, p.y, p.z),
+            quat_xyzw=(q.x, q.y, q.z, q.w),
+            covariance=covariance,
+            arrival_ns=self._node.get_clock().now().nanoseconds,
+            arrival_steady_s=time.monotonic(),
+        )
+
+    def _warn(self, text: str) -> None:
+        now = time.monotonic()
+        if now - self._last_warning_s >= WARNING_PERIOD_S:
+            self._last_warning_s = now
+            self._node.get_logger().warning(printable(text, 400))
+
+
+def _filled_in(message: PoseStamped) -> bool:
+    """Whether anything differs from a message that nobody touched (all zero, or w = 1)."""
+    p, q, stamp = message.pose.position, message.pose.orientation, message.header.stamp
+    untouched = (p.x, p.y, p.z, q.x, q.y, q.z) == (0.0,) * 6 and q.w in (0.0, 1.0)
+    return not untouched or (stamp.sec, stamp.nanosec) != (0, 0)

@@ -1,0 +1,62 @@
+"""What the node publishes: the last grasp, for executives and RViz, and the hand's description."""
+
+from __future__ import annotations
+
+import threading
+
+from ament_index_python.packages import PackageNotFoundError, get_package_share_path
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from gpis_grasp_msgs.msg import Grasp
+from gpis_grasp_planner.hand.description import HandDescription, urdf_text
+from gpis_grasp_planner.ros.markers import GraspMarkers
+
+# A late subscriber (that asks for transient_local, too) gets the last one.
+LATCHED_QOS = QoSProfile(
+    depth=1,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+class GraspPublishers:
+    """Publishes the best grasp of each successful answer; every message has the same header."""
+
+    def __init__(self, node: Node, hand: HandDescription) -> None:
+        urdf = urdf_text(hand, _mesh_uri_prefix(hand))
+        self._markers = GraspMarkers(hand, urdf)
+        self._lock = threading.Lock()  # messages of two answers must not mix
+        self._grasp = node.create_publisher(Grasp, "grasp", LATCHED_QOS)
+        self._palm_pose = node.create_publisher(PoseStamped, "palm_pose", LATCHED_QOS)
+        self._joints = node.create_publisher(JointState, "grasp_joint_states", LATCHED_QOS)
+        self._marker_array = node.create_publisher(MarkerArray, "grasp_markers", LATCHED_QOS)
+        self._description = node.create_publisher(String, "robot_description", LATCHED_QOS)
+        self._description.publish(String(data=urdf))
+
+    def publish(self, grasp: Grasp) -> None:
+        """Publish one grasp on all topics."""
+        markers = self._markers.array(grasp)
+        with self._lock:
+            self._grasp.publish(grasp)
+            self._palm_pose.publish(grasp.palm_pose)
+            self._joints.publish(grasp.grasp)
+            self._marker_array.publish(markers)
+
+
+def _mesh_uri_prefix(hand: HandDescription) -> str | None:
+    """``package://`` where the package is installed: RViz may run on another machine.
+
+    None otherwise (started from the sources without colcon): ``file://`` URIs of this machine.
+    """
+    name = __name__.partition(".")[0]
+    inside = hand.urdf_path.parent.as_posix().rpartition(f"/{name}/")[2]
+    try:
+        installed = (get_package_share_path(name) / inside).is_dir()
+    except PackageNotFoundError:
+        installed = False
+    return f"package://{name}/{inside}" if installed else None

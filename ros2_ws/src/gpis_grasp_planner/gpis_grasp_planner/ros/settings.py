@@ -1,0 +1,139 @@
+"""The node's own settings, and the groups whose fields become its parameters.
+
+Free of rclpy, so that ``docs/parameters.md`` and the planning process can use it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.planning.request import (
+    FRICTION_RANGE,
+    GRASP_COUNT_RANGE,
+    SEED_LIMIT,
+    TIME_BUDGET_RANGE_S,
+    check_friction,
+)
+from gpis_grasp_planner.settings import SettingsGroup, setting
+
+# Those of planning.planners.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
+# compares them.
+PLANNER_NAMES = ("dual", "hpp", "random", "random-adaption")
+
+
+@dataclass(frozen=True)
+class NodeSettings(SettingsGroup):
+    """What the node does around the planning: catalogue, poses, limits of a request, queue."""
+
+    mesh_directories: tuple[str, ...] = setting(
+        (),
+        description="Directories of the mesh catalogue, searched in this order; empty for the "
+        "parts that ship with the package.",
+    )
+    pose_type: str = setting(
+        "pose_stamped",
+        choices=("pose_stamped", "pose_with_covariance_stamped"),
+        description="Message type of the topic object_pose.",
+    )
+    max_pose_age_s: float = setting(
+        5.0, low=0.01, high=86_400.0, description="An older object pose is refused as stale."
+    )
+    max_pose_ahead_s: float = setting(
+        0.5,
+        low=0.0,
+        high=60.0,
+        description="An object pose stamped further in the future than this is refused.",
+    )
+    default_time_budget_s: float = setting(
+        10.0,
+        low=TIME_BUDGET_RANGE_S[0],
+        high=TIME_BUDGET_RANGE_S[1],
+        description="Planning time where the request gives 0.",
+    )
+    max_time_budget_s: float = setting(
+        120.0,
+        low=TIME_BUDGET_RANGE_S[0],
+        high=TIME_BUDGET_RANGE_S[1],
+        description="Longest planning time a request may ask for.",
+    )
+    default_n_grasps: int = setting(
+        20,
+        low=GRASP_COUNT_RANGE[0],
+        high=GRASP_COUNT_RANGE[1],
+        description="Number of grasps where the request gives 0. A plan holds at least so many, "
+        "if it finds them.",
+    )
+    default_seed: int = setting(
+        0, low=0, high=SEED_LIMIT, description="Seed where the request gives -1."
+    )
+    default_planner: str = setting(
+        "dual", choices=PLANNER_NAMES, description="Planner where the request gives none."
+    )
+    friction_finger: float = setting(
+        0.0,
+        low=0.0,
+        high=FRICTION_RANGE[1],
+        description="Coulomb coefficient between finger links and parts; 0: what the part's YAML "
+        "file says, else 0.6. Set together with friction_palm.",
+    )
+    friction_palm: float = setting(
+        0.0,
+        low=0.0,
+        high=FRICTION_RANGE[1],
+        description="Coulomb coefficient between the palm and parts; 0: as for friction_finger.",
+    )
+    queue_size: int = setting(
+        4,
+        low=0,
+        high=32,
+        description="Requests that may wait while another is planned; one more is answered BUSY.",
+    )
+    planning_grace_s: float = setting(
+        10.0,
+        low=0.5,
+        high=120.0,
+        description="Time beyond its budget after which a plan is given up and its process "
+        "restarted; it covers reading the mesh and the preparation.",
+    )
+    plan_cache_size: int = setting(
+        64, low=0, high=10_000, description="Plans kept in memory; the oldest go first."
+    )
+    diagnostics_period_s: float = setting(
+        1.0, low=0.1, high=60.0, description="Time between two messages on /diagnostics."
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.default_time_budget_s > self.max_time_budget_s:
+            raise RequestError(
+                f"Setting 'default_time_budget_s' is {self.default_time_budget_s:g}, above "
+                f"'max_time_budget_s' {self.max_time_budget_s:g}. Lower the one or raise the "
+                "other first."
+            )
+        if (self.friction_finger > 0.0) != (self.friction_palm > 0.0):
+            raise RequestError(
+                f"Settings 'friction_finger' {self.friction_finger:g} and 'friction_palm' "
+                f"{self.friction_palm:g}: one is 0. Set both at once, or both to 0 for the part's "
+                "own."
+            )
+        if self.friction is not None:
+            check_friction(self.friction_finger, "finger")
+            check_friction(self.friction_palm, "palm")
+        if not all(self.mesh_directories):
+            raise RequestError(
+                f"Setting 'mesh_directories' is {list(self.mesh_directories)!r}; it takes "
+                "non-empty strings. Name directories."
+            )
+
+    @property
+    def friction(self) -> Friction | None:
+        """Coefficients that overrule the parts' own, None where nothing is set."""
+        if self.friction_finger == 0.0 and self.friction_palm == 0.0:
+            return None
+        return Friction(finger=self.friction_finger, palm=self.friction_palm)
+
+
+# Fixed when the node starts: they shape its subscriptions, threads and catalogue.
+READ_ONLY = frozenset({"mesh_directories", "pose_type", "queue_size", "diagnostics_period_s"})
