@@ -184,6 +184,16 @@ def test_a_mesh_of_nothing_but_thin_faces_is_refused():
         judged(vertices, [[0, 1, 2]], degenerate_faces="drop")
 
 
+def test_a_soup_of_loose_pieces_is_refused(write):
+    """Bounded work: thousands of bodies would each be judged against all others."""
+    shifts = 0.001 * np.arange(201)[:, None, None] * np.ones(3)
+    vertices, faces = write.box_arrays((0.0005, 0.0005, 0.0005))
+    many = (vertices[None] + shifts).reshape(-1, 3)
+    error = refused(many, (faces[None] + 8 * np.arange(201)[:, None, None]).reshape(-1, 3))
+    assert error.code == ErrorCode.MESH_DEGENERATE
+    assert "201 unconnected pieces, the limit is 200" in error.message
+
+
 def test_empty_and_bad_indices():
     assert refused(np.zeros((0, 3)), np.zeros((0, 3))).code == ErrorCode.MESH_EMPTY
     error = refused(np.eye(3), [[0, 1, 2], [0, 1, 3]])

@@ -86,6 +86,36 @@ def test_step_brings_its_own_unit(unit, size, write, mesh_path):
     assert report.unit == "m"
 
 
+@pytest.mark.parametrize("code", ["os.kill(os.getpid(), 11)", "sys.exit(3)", "pass"])
+def test_a_step_reader_that_crashes_takes_nothing_with_it(code, write, mesh_path, monkeypatch):
+    """OpenCASCADE does crash on damaged files; here its process is told to."""
+    monkeypatch.setattr(mesh_file, "TESSELLATE", f"import os, sys\n{code}")
+    error = refused(mesh_path(write.step_box((60, 50, 40)), "box.step"))
+    assert error.code == ErrorCode.MESH_UNREADABLE
+    assert "damaged" in error.message
+
+
+def test_a_step_reader_that_hangs_is_ended(write, mesh_path, monkeypatch):
+    monkeypatch.setattr(mesh_file, "TESSELLATE", "import time\ntime.sleep(600)")
+    limits = CatalogueSettings(step_timeout_s=1.0)
+    error = refused(mesh_path(write.step_box((60, 50, 40)), "box.step"), limits=limits)
+    assert "within 1 s" in error.message
+
+
+def test_damaged_step_files_are_refused_and_nothing_dies(write, mesh_path, rng):
+    data = write.step_box((60, 50, 40))
+    start = data.index(b"DATA;")
+    for _ in range(6):
+        damaged = bytearray(data)
+        for position in rng.integers(start, len(data) - 60, 3):
+            del damaged[position : position + int(rng.integers(1, 100))]
+        try:
+            _, report = load_mesh(mesh_path(bytes(damaged), "box.step"), "m")
+        except MeshError:
+            continue
+        assert report.volume > 0
+
+
 def test_an_obj_may_use_polygons_textures_and_negative_indices(write, mesh_path):
     vertices, _ = write.box_arrays()
     text = "mtllib missing.mtl\nusemtl none\no box\n"

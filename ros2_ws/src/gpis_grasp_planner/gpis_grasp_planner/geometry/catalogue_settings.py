@@ -28,6 +28,12 @@ class CatalogueSettings(SettingsGroup):
         high=10_000_000,
         description="Meshes with more triangles are refused, from the header where there is one.",
     )
+    step_timeout_s: float = setting(
+        60.0,
+        low=1.0,
+        high=3600.0,
+        description="Time limit of the process that tessellates a STEP file.",
+    )
     min_extent_m: float = setting(
         0.005,
         low=1e-6,

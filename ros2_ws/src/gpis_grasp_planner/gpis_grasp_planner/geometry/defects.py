@@ -29,6 +29,7 @@ WELD = 1e-6  # distance of vertices that may be meant as one, relative to the la
 FLAT = 1e-7  # volume of the hull of a part without thickness, relative to its extent cubed
 OVERLAP_PROBES = 200
 OVERLAP_PAIRS = 4_000_000  # probes are cut so that a large mesh is judged in about a second
+MAX_BODIES = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,7 @@ def judge(
     faces = _without_duplicates(faces, notes)
     vertices, faces = _used_only(vertices, faces)
     faces = _wind_consistently(faces, notes)
-    faces = _face_outwards(vertices, faces, notes)
+    faces = _face_outwards(vertices, faces, name, notes)
     return _measure(TriangleMesh(vertices, faces), name, notes)
 
 
@@ -236,8 +237,14 @@ def _wind_consistently(faces: Faces, notes: list[str]) -> Faces:
     return faces
 
 
-def _face_outwards(vertices: Array, faces: Faces, notes: list[str]) -> Faces:
+def _face_outwards(vertices: Array, faces: Faces, name: str, notes: list[str]) -> Faces:
     count, body = bodies(faces)
+    if count > MAX_BODIES:
+        raise MeshError(
+            f"{name} falls into {count} unconnected pieces, the limit is {MAX_BODIES}. Join its "
+            "vertices or remove loose pieces.",
+            ErrorCode.MESH_DEGENERATE,
+        )
     triangles = vertices[faces]
     turned = np.zeros(len(faces), dtype=bool)
     for b in range(count):
@@ -269,30 +276,17 @@ def _mostly_inward(triangles: Array) -> bool:
 def _measure(mesh: TriangleMesh, name: str, notes: list[str]) -> Judged:
     edges = find_edges(mesh.faces)
     count, _ = bodies(mesh.faces)
-    size = float(mesh.extent.max())
-    try:
-        hull_volume, hull_center = volume_and_center(hull(mesh).triangles)
-    except QhullError:
-        hull_volume, hull_center = 0.0, mesh.vertices.mean(axis=0)
-    if hull_volume <= FLAT * size**3:
-        raise MeshError(
-            f"{name} is flat: its convex hull has no volume. Give the part a thickness.",
-            ErrorCode.MESH_DEGENERATE,
-        )
+    least_volume = FLAT * float(mesh.extent.max()) ** 3
     if edges.non_manifold:
         notes.append(f"{edges.non_manifold} edges have more than two faces (non-manifold).")
     if count > 1:
         notes.append(f"{count} separate bodies are planned on as one rigid part.")
     volume, center = volume_and_center(mesh.triangles)
-    watertight = edges.closed and volume > FLAT * size**3
+    watertight = edges.closed and volume > least_volume
     if not watertight:
-        notes.append(
-            f"The surface is open at {edges.open} edges; "
-            if edges.open
-            else "The surface encloses no volume; "
-        )
-        notes[-1] += "volume and centre of mass are those of its convex hull."
-        volume, center = hull_volume, hull_center
+        volume, center = _hull_volume_and_center(mesh, least_volume, name)
+        what = f"is open at {edges.open} edges" if edges.open else "encloses no volume"
+        notes.append(f"The surface {what}; volume and centre of mass are those of its convex hull.")
     elif share := _overlap_share(mesh):
         notes.append(
             f"The surface intersects itself or its bodies overlap (about {100 * share:.0f} % of "
@@ -301,9 +295,24 @@ def _measure(mesh: TriangleMesh, name: str, notes: list[str]) -> Judged:
     return Judged(mesh, watertight, volume, center, count, tuple(notes))
 
 
+def _hull_volume_and_center(
+    mesh: TriangleMesh, least_volume: float, name: str
+) -> tuple[float, Array]:
+    try:
+        volume, center = volume_and_center(hull(mesh).triangles)
+    except QhullError:
+        volume, center = 0.0, np.zeros(3)
+    if volume <= least_volume:
+        raise MeshError(
+            f"{name} is flat: its convex hull has no volume. Give the part a thickness.",
+            ErrorCode.MESH_DEGENERATE,
+        )
+    return volume, center
+
+
 def _overlap_share(mesh: TriangleMesh) -> float:
     """Share of probed faces with a winding number other than 0 before and 1 behind them."""
-    count = min(OVERLAP_PROBES, max(20, OVERLAP_PAIRS // (2 * len(mesh.faces))))
+    count = min(OVERLAP_PROBES, max(8, OVERLAP_PAIRS // (2 * len(mesh.faces))))
     share = mesh.face_areas / mesh.face_areas.sum()
     chosen = np.random.default_rng(0).choice(len(share), size=count, p=share)
     centers = mesh.triangles[chosen].mean(axis=1)

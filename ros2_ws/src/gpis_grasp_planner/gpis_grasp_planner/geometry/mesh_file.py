@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import io
+import logging
 import os
 import stat
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +33,23 @@ UNITS = {"m": 1.0, "mm": 1e-3}
 STEP_SUFFIXES = (".step", ".stp")
 STEP_TOLERANCE_MM = 0.1
 STEP_TOLERANCE_RAD = 0.2
+STEP_MEMORY_BYTES = 4 * 2**30
+
+# The whole program of the process that reads STEP. OpenCASCADE prints to the standard output,
+# which is kept for the result.
+TESSELLATE = """
+import os, resource, sys
+result = os.fdopen(os.dup(1), "wb")
+os.dup2(2, 1)
+linear, angular, memory = float(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3])
+resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+import cascadio
+result.write(cascadio.load(sys.stdin.buffer.read(), file_type="step", tol_linear=linear,
+                           tol_angular=angular, use_parallel=False))
+result.flush()
+os._exit(0)  # not through destructors of shapes that may be damaged
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +163,7 @@ def parse_mesh(
         )
     promise = inspect(data, suffix, name, settings.max_faces)
     is_step = suffix in STEP_SUFFIXES
-    vertices, faces = _parse_step(data, name) if is_step else _parse(data, suffix, name)
+    vertices, faces = _parse_step(data, name, settings) if is_step else _parse(data, suffix, name)
     _check_promise(promise, faces, name, settings.max_faces)
     scale = 1.0 if is_step else UNITS[unit]
     judged = judge(
@@ -175,6 +195,8 @@ def parse_mesh(
 def _parse(data: bytes, suffix: str, name: str) -> tuple[Array, NDArray[np.int64]]:
     import trimesh
 
+    # It logs the tracebacks of what it tried first; what comes of it is judged here.
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     # Materials would make it look for further files; processing would hide defects.
     options: dict[str, Any] = {"process": False, "maintain_order": True}
     if suffix == ".obj":
@@ -191,22 +213,38 @@ def _parse(data: bytes, suffix: str, name: str) -> tuple[Array, NDArray[np.int64
         raise _not_parsed(name, error) from error
 
 
-def _parse_step(data: bytes, name: str) -> tuple[Array, NDArray[np.int64]]:
-    """Tessellate a STEP file; OpenCASCADE converts its own unit to metres."""
-    import cascadio
+def _parse_step(
+    data: bytes, name: str, settings: CatalogueSettings
+) -> tuple[Array, NDArray[np.int64]]:
+    """Tessellate a STEP file; OpenCASCADE converts its own unit to metres.
+
+    A damaged STEP file can crash OpenCASCADE, so it works in a process of its own, with a limit
+    on time and memory; starting that takes about half a second.
+    """
     import trimesh
 
+    arguments = [str(STEP_TOLERANCE_MM), str(STEP_TOLERANCE_RAD), str(STEP_MEMORY_BYTES)]
     try:
-        glb = cascadio.load(
-            data,
-            file_type="step",
-            tol_linear=STEP_TOLERANCE_MM,
-            tol_angular=STEP_TOLERANCE_RAD,
-            use_parallel=False,
+        child = subprocess.run(
+            [sys.executable, "-c", TESSELLATE, *arguments],
+            input=data,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=settings.step_timeout_s,
+            check=False,
         )
-        if not glb:
-            raise ValueError("no shapes found")
-        scene: Any = trimesh.load(io.BytesIO(glb), file_type="glb", force="scene")
+    except subprocess.TimeoutExpired:
+        raise MeshError(
+            f"{name} was not tessellated within {settings.step_timeout_s:g} s. Simplify it, or "
+            "convert it to STL, or raise the setting step_timeout_s."
+        ) from None
+    if child.returncode != 0 or not child.stdout:
+        raise MeshError(
+            f"{name} holds no shape that OpenCASCADE can read (its exit code was "
+            f"{child.returncode}). It is damaged; export it again, or convert it to STL."
+        )
+    try:
+        scene: Any = trimesh.load(io.BytesIO(child.stdout), file_type="glb", force="scene")
         mesh = scene.to_mesh()
         return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:
