@@ -264,6 +264,17 @@ def _lowest(vertices, nx, ny, nz):  # type: ignore[no-untyped-def]
     return low
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
+    return max(
+        nx * t[0, 0] + ny * t[0, 1] + nz * t[0, 2],
+        max(
+            nx * t[1, 0] + ny * t[1, 1] + nz * t[1, 2],
+            nx * t[2, 0] + ny * t[2, 1] + nz * t[2, 2],
+        ),
+    )
+
+
 @njit(cache=True, nogil=True)
 def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
     """Distance of a convex polytope from a mesh, or `limit` where it is at least that.
@@ -329,6 +340,8 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
             continue
         first = -1 - child[node, 0]
         for f in range(first, first + child[node, 1]):
+            if have_plane and plane - _highest(triangles[f], nx, ny, nz) >= best:
+                continue
             d = polytope_distance(vertices, triangles[f], best, direction, p, q)
             if d <= 0.0:
                 return 0.0
@@ -356,10 +369,24 @@ def near_pairs(
     direction = np.zeros(3)
     p = np.empty(3)
     q = np.empty(3)
+    # the separating plane of the nearest pair so far; what lies `limit` behind it is too far
+    nx = ny = nz = 0.0
+    plane = -np.inf
+    nearest = np.inf
     while top > 0:
         top -= 1
         node = stack[top]
-        if _box_gap(R, t, box_low, box_high, lower[node], upper[node]) >= limit:
+        low = lower[node]
+        high = upper[node]
+        if nearest < limit:
+            farthest = (
+                nx * (high[0] if nx > 0 else low[0])
+                + ny * (high[1] if ny > 0 else low[1])
+                + nz * (high[2] if nz > 0 else low[2])
+            )
+            if plane - farthest >= limit:
+                continue
+        if _box_gap(R, t, box_low, box_high, low, high) >= limit:
             continue
         if child[node, 0] >= 0:
             stack[top] = child[node, 0]
@@ -368,10 +395,16 @@ def near_pairs(
             continue
         first = -1 - child[node, 0]
         for f in range(first, first + child[node, 1]):
+            if nearest < limit and plane - _highest(triangles[f], nx, ny, nz) >= limit:
+                continue
             d = polytope_distance(vertices, triangles[f], limit, direction, p, q)
             if 0.0 < d < limit and count < p_self.shape[0]:
                 for c in range(3):
                     p_self[count, c] = p[c]
                     p_other[count, c] = q[c]
                 count += 1
+                if d < nearest:
+                    nearest = d
+                    nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
+                    plane = _lowest(vertices, nx, ny, nz)
     return count

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.planning.contact_refinement import RefinementSettings
+from gpis_grasp_planner.planning.dual import DualSettings
 from gpis_grasp_planner.planning.hpp_opt import HppSettings
 from gpis_grasp_planner.planning.local_adaption import AdaptionSettings
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
@@ -22,6 +24,8 @@ class PlannerSettings:
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     adaption: AdaptionSettings = field(default_factory=AdaptionSettings)
     hpp: HppSettings = field(default_factory=HppSettings)
+    refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    dual: DualSettings = field(default_factory=DualSettings)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Values by group and name, ready for JSON."""

@@ -72,7 +72,7 @@ def _sample_candidates(hand, obj, link, R, t, threshold, points, normals, gaps, 
         y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
         z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
         d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
-        if d > threshold + obj.spacing or d < -obj.spacing:
+        if d > threshold + 0.5 * obj.spacing or d < -obj.spacing:
             continue
         d, face, in_face = nearest_point(
             x, y, z, threshold, obj.triangles, obj.lower, obj.upper, obj.child, q
