@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.view.picture import GraspView, render_grasp, render_sheet
 
 SIZE = (240, 180)
@@ -88,7 +89,7 @@ def test_a_sheet_places_each_grasp_in_its_cell(grasp):
 
 
 def test_misuse_is_refused(grasp):
-    with pytest.raises(ValueError, match=r"'sideways'.*auto"):
+    with pytest.raises(RequestError, match=r"'sideways'.*auto"):
         render(grasp, view="sideways")
-    with pytest.raises(ValueError, match="at least one"):
+    with pytest.raises(RequestError, match="at least one"):
         render_sheet([])

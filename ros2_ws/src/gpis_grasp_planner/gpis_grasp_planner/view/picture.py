@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.description import HandDescription
@@ -81,6 +82,11 @@ def render_grasp(
     -------
     pixels : (height, width, 3) uint8 array
         The same input gives the same pixels. About 3 s at the default size on one core.
+
+    Raises
+    ------
+    RequestError
+        If the view has an unknown name.
     """
     grasp = GraspView(
         mesh, hand, np.asarray(T_object_palm, float), np.asarray(joints, float), contacts, caption
@@ -106,7 +112,7 @@ def render_sheet(
     pixels : (rows * height, columns * width, 3) uint8 array
     """
     if not grasps:
-        raise ValueError("a sheet takes at least one grasp")
+        raise RequestError("A sheet of 0 grasps was asked for; it takes at least one.")
     columns = min(columns, len(grasps))
     width, height = size
     rows = -(-len(grasps) // columns)
@@ -161,7 +167,7 @@ def _camera(
     if isinstance(view, str) and view == "auto":
         return best_view(solid, n_part, points, contacts.positions, aspect)
     if isinstance(view, str) and view not in VIEWS:
-        raise ValueError(f"view is '{view}'; choose auto, {', '.join(VIEWS)} or a direction")
+        raise RequestError(f"View is '{view}'; choose auto, {', '.join(VIEWS)} or a direction.")
     direction = VIEWS[view] if isinstance(view, str) else np.asarray(view, dtype=float)
     return look_from(direction, points, aspect)
 
