@@ -63,7 +63,6 @@ def inverse_length(kernel: str, length_scale: float) -> float:
     return math.sqrt(3.0 if KERNELS[kernel] == MATERN_32 else 5.0) / length_scale
 
 
-@numba.njit(cache=True, nogil=True)
 def covariance(kind: int, a: float, variance: float, trend: float, p: Array, q: Array) -> Array:
     """Covariance of (value, gradient) at `p` with (value, gradient) at `q`.
 
@@ -80,8 +79,17 @@ def covariance(kind: int, a: float, variance: float, trend: float, p: Array, q: 
     (4 n, 4 m) array
         Rows and columns ordered value, d/dx, d/dy, d/dz point by point.
     """
+    K = np.empty((4 * len(p), 4 * len(q)))
+    fill_covariance(kind, a, variance, trend, p, q, K)
+    return K
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_covariance(
+    kind: int, a: float, variance: float, trend: float, p: Array, q: Array, K: Array
+) -> None:
+    """Write :func:`covariance` into `K`, which saves fresh memory for every patch."""
     n, m = p.shape[0], q.shape[0]
-    K = np.empty((4 * n, 4 * m))
     d = np.empty(3)
     for i in range(n):
         for j in range(m):
@@ -101,4 +109,3 @@ def covariance(kind: int, a: float, variance: float, trend: float, p: Array, q: 
                 for u in range(3):
                     K[row + 1 + t, col + 1 + u] = c * d[t] * d[u]
                 K[row + 1 + t, col + 1 + t] += b + trend
-    return K
