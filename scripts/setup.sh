@@ -47,9 +47,11 @@ stage() {
 
 virtual_environment() {
     scripts/system_packages.sh
-    # One that works is kept, with what it holds; a half-made one is made anew.
+    # One that works is kept, with what it holds; a half-made or moved one is made anew.
     "$venv/bin/python" -m pip --version 2>/dev/null | grep -q '(python 3\.11)' \
-        || "$(scripts/system_packages.sh --python)" -m venv --clear "$venv"
+        && grep -qF "$venv/bin/" "$venv/bin/pip" && return
+    rm -rf "$venv" ros2_ws/{build,install,log}
+    "$(scripts/system_packages.sh --python)" -m venv "$venv"
 }
 
 dependencies() {
