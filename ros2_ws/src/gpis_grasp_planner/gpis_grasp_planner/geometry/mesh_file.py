@@ -36,7 +36,7 @@ STEP_TOLERANCE_RAD = 0.2
 STEP_MEMORY_BYTES = 4 * 2**30
 
 # The whole program of the process that reads STEP. OpenCASCADE prints to the standard output,
-# which is kept for the result.
+# which is kept for the result; cascadio does without trimesh, which takes two seconds to import.
 TESSELLATE = """
 import os, resource, sys
 result = os.fdopen(os.dup(1), "wb")
@@ -44,6 +44,7 @@ os.dup2(2, 1)
 linear, angular, memory = float(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3])
 resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+sys.modules["trimesh"] = None
 import cascadio
 result.write(cascadio.load(sys.stdin.buffer.read(), file_type="step", tol_linear=linear,
                            tol_angular=angular, use_parallel=False))
