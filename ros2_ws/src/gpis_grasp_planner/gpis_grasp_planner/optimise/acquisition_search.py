@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 DIFFERENCE_STEP = 1e-6
 """Forward differences of the polish, relative to the domain."""
 
+NO_SLOPE = 1e10
+"""What the polish sees where the acquisition is not finite."""
+
 
 @dataclass(frozen=True)
 class AcquisitionSearchSettings(SettingsGroup):
@@ -117,10 +120,9 @@ def polish(
         # Steps go inward at the upper bound, where an outward one would be clipped away.
         inward = np.where((unit > 0.5) & ~domain.periodic, -1.0, 1.0)
         values = acquisition(domain.clip(domain.lower + (unit + inward * steps) * width))
-        gradient = (values[1:] - values[0]) / (DIFFERENCE_STEP * inward)
-        if not (np.isfinite(values[0]) and np.all(np.isfinite(gradient))):
-            return 1e10, np.zeros(domain.dim)
-        return -float(values[0]), -gradient
+        if not np.all(np.isfinite(values)):
+            return NO_SLOPE, np.zeros(domain.dim)
+        return -float(values[0]), -(values[1:] - values[0]) / (DIFFERENCE_STEP * inward)
 
     bounds = [(None, None) if free else (0.0, 1.0) for free in domain.periodic]
     result = minimize(
@@ -131,7 +133,7 @@ def polish(
         bounds=bounds,
         options={"maxiter": iterations},
     )
-    if -result.fun > value:
+    if result.fun < min(-value, NO_SLOPE):
         return domain.clip((domain.lower + result.x * width)[None])[0], -float(result.fun)
     return start, value
 

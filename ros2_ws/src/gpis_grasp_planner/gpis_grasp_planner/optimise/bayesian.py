@@ -236,11 +236,16 @@ class BayesianOptimiser:
             posterior = CandidatePosterior(self.process, self.domain.features(X), k)
             mean = posterior.mean + self._known(X)
             chosen: list[int] = []
+            taken = np.zeros(len(X), dtype=bool)
+            believed = best
             for _ in range(k):
-                score = log_expected_improvement(mean, posterior.std, best, xi)
-                score[chosen] = -np.inf
-                chosen.append(int(np.argmax(score)))
-                posterior.believe(chosen[-1])
+                score = log_expected_improvement(mean, posterior.std, believed, xi)
+                score[taken] = -np.inf
+                index = int(np.argmax(score))
+                chosen.append(index)
+                taken |= np.all(np.equal(X, X[index]), axis=1)
+                posterior.believe(index)
+                believed = max(believed, float(mean[index]))
             return np.asarray(chosen)
 
         # Spread starts, climb from all of them at once, and choose again among both: two starts

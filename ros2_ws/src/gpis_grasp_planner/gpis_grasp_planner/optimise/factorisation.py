@@ -87,6 +87,9 @@ class CholeskyFactor:
                 L = cholesky(C, lower=True, overwrite_a=True, check_finite=False)
             except np.linalg.LinAlgError:
                 continue
+            # LAPACK lets NaN through.
+            if not np.all(np.isfinite(np.diag(L))):
+                continue
             self.jitter = relative * scale
             self._log_det = 2.0 * float(np.log(np.diag(L)).sum())
             inverse, _ = lapack.dtrtri(L, lower=1)

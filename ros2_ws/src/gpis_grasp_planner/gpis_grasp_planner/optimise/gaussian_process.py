@@ -35,7 +35,10 @@ class GaussianProcessSettings(SettingsGroup):
         1e-4, low=1e-6, high=1.0, description="Lower bound of the observation noise."
     )
     noise_std_max: float = setting(
-        0.5, low=1e-6, high=10.0, description="Upper bound of the observation noise."
+        0.01,
+        low=1e-6,
+        high=10.0,
+        description="Upper bound of the observation noise; raise it for objectives with noise.",
     )
     signal_std_min: float = setting(
         0.3, low=1e-3, high=10.0, description="Lower bound of the signal's standard deviation."
