@@ -22,12 +22,13 @@ LEVELS = (
     {"quality"},
     {"planning"},
     {"scene", "verification"},
+    {"planner"},
     {"view"},
     {"ros", "cli"},
 )
 # Beside the tower: imports only these, and is imported from planning upwards.
 OPTIMISE_IMPORTS = {"errors", "settings"}
-OPTIMISE_USERS = {"planning", "scene", "verification", "view", "ros", "cli"}
+OPTIMISE_USERS = {"planning", "scene", "verification", "planner", "view", "ros", "cli"}
 
 # Libraries that only one place of the package may import.
 OWNERS = {
