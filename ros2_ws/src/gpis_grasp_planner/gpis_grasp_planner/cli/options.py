@@ -1,0 +1,214 @@
+"""Options that several commands share, and what they mean."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
+    from gpis_grasp_planner.geometry.part import Friction, Part
+    from gpis_grasp_planner.planning.document import GraspDocument, MeshSource
+    from gpis_grasp_planner.planning.settings import PlannerSettings
+    from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
+
+CATALOGUE_GROUP = "catalogue"
+
+
+def add_catalogue(parser: argparse.ArgumentParser) -> None:
+    """Add --meshes, the directories of the catalogue."""
+    parser.add_argument(
+        "--meshes",
+        metavar="DIR",
+        action="append",
+        type=Path,
+        help="directory of the mesh catalogue, repeatable; default: the shipped parts",
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add --set and --settings."""
+    parser.add_argument(
+        "--set",
+        metavar="GROUP.NAME=VALUE",
+        action="append",
+        default=[],
+        dest="assignments",
+        help="change a setting, repeatable; 'gpis-grasp settings' lists them",
+    )
+    parser.add_argument(
+        "--settings",
+        metavar="FILE.yaml",
+        type=Path,
+        help="settings as groups of names and values; --set goes over it",
+    )
+
+
+def add_document(parser: argparse.ArgumentParser) -> None:
+    """Add a document of grasps and, where its mesh is elsewhere, the mesh."""
+    parser.add_argument("document", metavar="GRASPS.json", type=Path, help="of 'plan --json'")
+    parser.add_argument(
+        "--mesh",
+        metavar="MESH",
+        help="the document's mesh, where it is not where it was: catalogue ID or file",
+    )
+    parser.add_argument("--unit", choices=("m", "mm"), help="unit of that file")
+    add_catalogue(parser)
+
+
+def setting_classes() -> dict[str, type[SettingsGroup]]:
+    """All groups of settings by name, that of the catalogue included."""
+    from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+    from gpis_grasp_planner.planning.settings import setting_groups
+
+    return {**setting_groups(), CATALOGUE_GROUP: CatalogueSettings}
+
+
+def read_settings(
+    file: Path | None, assignments: Sequence[str]
+) -> tuple[PlannerSettings, CatalogueSettings]:
+    """Settings from a YAML file and, over it, from ``group.name=value`` texts.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SETTING with what is known, for an unknown name or a bad value.
+    """
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+    from gpis_grasp_planner.planning.settings import PlannerSettings
+    from gpis_grasp_planner.settings import describe
+
+    values: dict[str, dict[str, Any]] = {}
+    for group, content in _settings_of_file(file).items():
+        if not isinstance(content, Mapping):
+            raise RequestError(f"Group '{group}' of {file} is {content!r}; give names and values.")
+        values[str(group)] = {str(name): value for name, value in content.items()}
+    for assignment in assignments:
+        name, equals, value = assignment.partition("=")
+        group, dot, name = name.strip().partition(".")
+        if not equals or not dot:
+            raise RequestError(
+                f"Setting '{assignment}' is not of the form group.name=value, such as "
+                "hpp.batch=4. 'gpis-grasp settings' lists all."
+            )
+        values.setdefault(group, {})[name] = value.strip()
+    classes = setting_classes()
+    unknown = sorted(set(values) - set(classes))
+    if unknown:
+        raise RequestError(
+            f"Unknown group of settings {', '.join(unknown)}; known are {', '.join(classes)}."
+        )
+    for group, content in values.items():
+        infos = {info.name: info for info in describe(classes[group])}
+        for name, value in content.items():
+            if name in infos and isinstance(value, str):
+                content[name] = _typed(value, infos[name])
+    catalogue = CatalogueSettings.from_mapping(values.pop(CATALOGUE_GROUP, {}))
+    return PlannerSettings.from_mapping(values), catalogue
+
+
+def _settings_of_file(file: Path | None) -> Mapping[str, Any]:
+    import yaml
+
+    from gpis_grasp_planner.errors import RequestError
+
+    if file is None:
+        return {}
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" (line {mark.line + 1})" if mark is not None else ""
+        raise RequestError(f"{file} is not valid YAML{where}.") from None
+    if content is None:
+        return {}
+    if not isinstance(content, Mapping):
+        raise RequestError(f"{file} must hold groups of settings, such as 'hpp: {{batch: 4}}'.")
+    return content
+
+
+def _typed(text: str, info: SettingInfo) -> Any:
+    """Read a text as the setting's type; what does not fit is left for its check to refuse."""
+    if info.type is bool:
+        return {"true": True, "false": False}.get(text.lower(), text)
+    if info.type is tuple:
+        return tuple(part.strip() for part in text.split(",") if part.strip())
+    if info.type in (int, float):
+        try:
+            return info.type(text)
+        except ValueError:
+            return text
+    return text
+
+
+def catalogue_of(
+    directories: Sequence[Path] | None, settings: CatalogueSettings | None = None
+) -> MeshCatalogue:
+    """Return the catalogue of --meshes, or that of the shipped parts."""
+    from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+
+    return MeshCatalogue(directories or [default_catalogue_directory()], settings)
+
+
+def find_part(
+    mesh: str, unit: str | None, catalogue: MeshCatalogue
+) -> tuple[Part, MeshSource | None]:
+    """Load a part by catalogue ID or path, and say which file it was (None for an ID).
+
+    A name with a directory in it is a path, and so is one with a suffix that names a file here.
+    """
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.geometry.catalogue import load_part
+    from gpis_grasp_planner.planning.document import MeshSource
+
+    path = Path(mesh)
+    if len(path.parts) > 1 or (path.suffix and path.is_file()):
+        return load_part(path, unit, catalogue.settings), MeshSource(str(path), unit)
+    if unit is not None:
+        raise RequestError(
+            f"--unit {unit} is for mesh files; '{mesh}' is an ID of the catalogue, whose YAML "
+            "file names its unit. Leave --unit out, or give the file's path (./...)."
+        )
+    return catalogue.load(mesh), None
+
+
+def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> Part:
+    """Find the mesh of a document and check that it is the same one.
+
+    Looked for under --mesh, else at the path in the document, else beside the document, else in
+    the catalogue.
+    """
+    from gpis_grasp_planner.geometry.catalogue import load_part
+    from gpis_grasp_planner.planning.document import check_same_mesh
+
+    catalogue = catalogue_of(arguments.meshes)
+    source = document.mesh_source
+    if arguments.mesh is not None:
+        part, _ = find_part(arguments.mesh, arguments.unit, catalogue)
+    elif source is None:
+        part = catalogue.load(document.result.mesh_id)
+    else:
+        path = Path(source.file)
+        if not path.is_file():
+            path = arguments.document.parent / path.name
+        part = load_part(path, arguments.unit or source.unit, catalogue.settings)
+    check_same_mesh(document.result, part)
+    return part
+
+
+def friction_of(
+    finger: float | None, palm: float | None, part_friction: Friction | None
+) -> Friction | None:
+    """Return the friction asked for: --friction for all links, --friction-palm over it."""
+    from gpis_grasp_planner.geometry.part import Friction
+    from gpis_grasp_planner.planning.request import DEFAULT_FRICTION
+
+    if finger is None and palm is None:
+        return None
+    base = part_friction or DEFAULT_FRICTION
+    if finger is not None:
+        base = Friction(finger, finger)
+    return Friction(base.finger, base.palm if palm is None else palm)

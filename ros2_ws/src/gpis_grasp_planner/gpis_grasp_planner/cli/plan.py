@@ -1,0 +1,103 @@
+"""Plan grasps of a part: a table, a JSON document, a picture."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpis_grasp_planner.cli import options
+from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.geometry.part import Part
+    from gpis_grasp_planner.planning.request import PlanResult
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of 'plan'."""
+    parser.add_argument("mesh", metavar="MESH", help="catalogue ID, or path to a mesh file")
+    parser.add_argument("--seed", type=int, default=0, help="default: 0")
+    parser.add_argument(
+        "--time", type=float, default=5.0, metavar="S", help="time budget in seconds; default: 5"
+    )
+    parser.add_argument(
+        "--evaluations",
+        type=int,
+        metavar="N",
+        help="end the search after N attempts, which makes it repeatable to the bit",
+    )
+    parser.add_argument(
+        "--friction",
+        type=float,
+        metavar="MU",
+        help="of fingers and palm on the part; default: the part's YAML file, else 0.6",
+    )
+    parser.add_argument("--friction-palm", type=float, metavar="MU", help="of the palm alone")
+    parser.add_argument("--planner", default="dual", metavar="NAME", help="default: dual")
+    parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
+    parser.add_argument("--unit", choices=("m", "mm"), help="unit of a mesh file")
+    options.add_catalogue(parser)
+    options.add_settings(parser)
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write the document; '-' for stdout, alone"
+    )
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the best grasp")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan, print, write; 3 where there is no grasp."""
+    from gpis_grasp_planner.cli import output
+    from gpis_grasp_planner.planning.document import document_text
+    from gpis_grasp_planner.planning.request import PlanRequest
+
+    output.check_writable(arguments.json)
+    output.check_writable(arguments.picture)
+    settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
+    catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
+    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue)
+    request = PlanRequest(
+        planner=arguments.planner,
+        seed=arguments.seed,
+        time_budget_s=arguments.time,
+        n_grasps=arguments.grasps,
+        friction=options.friction_of(arguments.friction, arguments.friction_palm, part.friction),
+        max_evaluations=arguments.evaluations,
+    )
+    from gpis_grasp_planner.cli.preparation import ready_to_plan
+    from gpis_grasp_planner.planner import GraspPlanner
+
+    ready_to_plan(request.planner)
+    with output.plan_progress() as show:
+        result = GraspPlanner(settings).plan(part, request, on_progress=show)
+    to_stdout = arguments.json is not None and str(arguments.json) == "-"
+    if arguments.json is not None:
+        text = document_text(result, source)
+        if to_stdout:
+            sys.stdout.write(text)
+        else:
+            arguments.json.write_text(text, encoding="utf-8")
+    if not to_stdout and result.grasps:
+        screen = output.console()
+        screen.print(output.grasp_table(result, result.grasps))
+        screen.print(
+            f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
+            f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm"
+        )
+    for text in result.notes:
+        output.note(f"note: {text}")
+    if arguments.picture is not None:
+        _draw(arguments.picture, part, result)
+    if not result.success:
+        output.note(f"gpis-grasp: {result.code.name}: {result.message}")
+        return NO_ANSWER
+    return SUCCESS
+
+
+def _draw(path: Path, part: Part, result: PlanResult) -> None:
+    from gpis_grasp_planner.cli.drawing import draw_grasp
+
+    grasp = result.grasps[0] if result.grasps else result.best_attempt
+    if grasp is not None:
+        draw_grasp(path, part, result, grasp)
