@@ -110,6 +110,7 @@ class BayesianOptimiser:
         self.y = np.zeros(0)
         self._features = np.zeros((0, self.process.distance.n_features))
         self._n_in_process = 0
+        self._window = np.zeros(0, dtype=np.intp)
         self._next_refit = 0.0
 
     @property
@@ -196,24 +197,26 @@ class BayesianOptimiser:
             )
         self.y = y.copy()
         if self.process.n_observations:
-            self._n_in_process = 0
-            self._update_process(optimise=False)
+            self._update_process(optimise=False, rebuild=True)
 
-    def _update_process(self, optimise: bool = True) -> None:
+    def _update_process(self, optimise: bool = True, rebuild: bool = False) -> None:
         n, limit = self.n_observations, self.settings.max_observations
         due = optimise and n >= self._next_refit
-        start = self._n_in_process
-        if start and not due and self.process.n_observations + (n - start) <= limit:
-            if n > start:
-                self.process.append(self._features[start:], self.y[start:])
+        new = np.arange(self._n_in_process, n)
+        pool = np.concatenate([self._window, new])
+        if len(self._window) and not (due or rebuild) and len(pool) <= limit:
+            if len(new):
+                self.process.append(self._features[new], self.y[new])
         else:
-            # Down to three quarters, so that the next appends are cheap again.
-            size = limit if n <= limit else (3 * limit) // 4
-            keep = choose_window(self._features, self.objective, size)
-            self.process.fit(self._features[keep], self.y[keep], optimise=due)
+            if len(pool) > limit:
+                # Down to three quarters, so that the next appends are cheap again; out of the
+                # present window and the new ones, so that the cost does not grow with the record.
+                best_first = self.objective[pool]
+                pool = pool[choose_window(self._features[pool], best_first, (3 * limit) // 4)]
+            self.process.fit(self._features[pool], self.y[pool], optimise=due)
             if due:
                 self._next_refit = n * self.settings.refit_growth
-        self._n_in_process = n
+        self._window, self._n_in_process = pool, n
 
     def _ask_model(self, k: int) -> list[Array]:
         self._update_process()
