@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.quality.contacts import Contacts
 
 Array = NDArray[np.float64]
@@ -82,8 +83,31 @@ class Attempts:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """Hands at given motor angles, for B postures of F fingers, in the object's frame.
+
+    Attributes
+    ----------
+    joints : (B, J) array [rad]
+    points : (B, F, 2, 3) array [m]
+        The point of each finger's distal (0) and inner (1) link nearest to the object.
+    inner_touches : (B, F) bool array
+        Whether the inner link was stopped by the object (breakaway).
+    """
+
+    joints: Array
+    points: Array
+    inner_touches: NDArray[np.bool_]
+
+
 class GraspEvaluator(Protocol):
     """Closes the hand at palm poses, for one object and friction."""
+
+    @property
+    def friction(self) -> Friction:
+        """Friction of the pairs of hand link and object."""
+        ...
 
     @property
     def n_attempts(self) -> int:
@@ -92,6 +116,10 @@ class GraspEvaluator(Protocol):
 
     def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
+        ...
+
+    def postures(self, T_object_palm: Array, motors: Array) -> Postures:
+        """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [spread, fingers] [rad]."""
         ...
 
     def clear_palm(

@@ -14,14 +14,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.optimise.bayesian import BayesianOptimiser, BayesianSettings
+from gpis_grasp_planner.planning.evaluator import Attempts
 from gpis_grasp_planner.planning.local_adaption import LocalAdaption
 from gpis_grasp_planner.planning.search_space import PalmSearchSpace, features_of_poses
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,31 @@ class HppSettings(SettingsGroup):
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Proposals:
+    """A batch of the model's proposals and what the local adaption made of them.
+
+    Attributes
+    ----------
+    X : (k, 6) array
+        Search coordinates that were proposed.
+    attempts : Attempts
+        Of all seeds of all proposals.
+    best : (k,) int array
+        Index of each proposal's best attempt, -1 where no seed came free.
+    values : (k,) array
+        Objective of the best attempts, 0 where there is none.
+    T_object_face : (k, 4, 4) array
+        Pose of the palm's face of the best attempt, or of the proposal.
+    """
+
+    X: Array
+    attempts: Attempts
+    best: NDArray[np.int64]
+    values: Array
+    T_object_face: Array
+
+
 class PalmPoseOptimiser:
     """Alg. 1 as a loop that its caller drives: `step` is one batch of iterations.
 
@@ -92,20 +121,29 @@ class PalmPoseOptimiser:
 
     def step(self) -> None:
         """Propose, adapt, close, tell."""
+        self.tell(self.propose(self.settings.batch))
+
+    def propose(self, batch: int) -> Proposals:
+        """Lines 5 to 8 of Alg. 1 for a batch: ask, adapt and close, keep the best of the seeds."""
         left = self.settings.n_initial + self.settings.n_iter - self.iterations
-        X = self._optimiser.ask_batch(min(self.settings.batch, left))
+        X = self._optimiser.ask_batch(max(1, min(batch, left)))
         T_object_face = self.space.poses(X)
-        attempts, proposal = self.adaption(T_object_face, self._context.rng)
+        attempts, owner = self.adaption(T_object_face, self._context.rng)
         self._context.archive.add(attempts)
         objective = attempts.objective(self.settings.volume_weight)
-        y = np.zeros(len(X))
-        T_adapted = T_object_face.copy()
+        best = np.full(len(X), -1)
         for k in range(len(X)):
-            own = np.flatnonzero(proposal == k)
+            own = np.flatnonzero(owner == k)
             if len(own):
-                best = own[np.argmax(objective[own])]
-                y[k] = objective[best]
-                T_adapted[k] = attempts.T_object_palm[best] @ self.adaption.T_palm_face
-        self._optimiser.tell(X, y, features=features_of_poses(T_adapted))
+                best[k] = own[np.argmax(objective[own])]
+        values = np.where(best >= 0, objective[best] if len(objective) else 0.0, 0.0)
+        found = best >= 0
+        T_object_face[found] = attempts.T_object_palm[best[found]] @ self.adaption.T_palm_face
         self.iterations += len(X)
+        return Proposals(X, attempts, best, values, T_object_face)
 
+    def tell(self, proposals: Proposals) -> None:
+        """Lines 9 and 10: tell the values at the poses where they were found."""
+        self._optimiser.tell(
+            proposals.X, proposals.values, features=features_of_poses(proposals.T_object_face)
+        )

@@ -8,11 +8,13 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.planning.context import PlanningContext, Search
 from gpis_grasp_planner.planning.dual import DualOptimiser
 from gpis_grasp_planner.planning.hpp_opt import PalmPoseOptimiser
+from gpis_grasp_planner.planning.paper_dual import PaperDualOptimiser
 from gpis_grasp_planner.planning.random_search import RandomPalms, RandomWithAdaption
 
 PLANNERS: dict[str, Callable[[PlanningContext], Search]] = {
     "dual": DualOptimiser,
     "hpp": PalmPoseOptimiser,
+    "paper": PaperDualOptimiser,
     "random": RandomPalms,
     "random-adaption": RandomWithAdaption,
 }

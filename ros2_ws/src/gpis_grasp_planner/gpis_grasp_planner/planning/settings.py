@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.planning.admm_cp_opt import AdmmCpSettings
 from gpis_grasp_planner.planning.contact_refinement import RefinementSettings
 from gpis_grasp_planner.planning.dual import DualSettings
 from gpis_grasp_planner.planning.hpp_opt import HppSettings
@@ -26,6 +27,7 @@ class PlannerSettings:
     hpp: HppSettings = field(default_factory=HppSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     dual: DualSettings = field(default_factory=DualSettings)
+    admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Values by group and name, ready for JSON."""

@@ -14,10 +14,11 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.evaluator import Attempts
+from gpis_grasp_planner.planning.evaluator import Attempts, Postures
 from gpis_grasp_planner.quality.fast_epsilon import start_directions
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
 from gpis_grasp_planner.scene.grasp_kernel import MAX_CONTACTS, attempt_many, clear_many
+from gpis_grasp_planner.scene.motor_posture import postures_many
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
 
 Array = NDArray[np.float64]
@@ -50,6 +51,7 @@ class CompiledEvaluator:
         tree: TriangleTree | None = None,
     ):
         self.hand = hand
+        self._friction = friction
         self.settings = settings
         self.field = field or DistanceField.of(part.mesh, cells=settings.field_cells)
         self.tree = tree or TriangleTree.of(part.mesh)
@@ -57,6 +59,11 @@ class CompiledEvaluator:
         self._object = object_arrays(part, friction, self.field, self.tree)
         self._directions = start_directions(_DIRECTIONS)
         self._n_attempts = 0
+
+    @property
+    def friction(self) -> Friction:
+        """Friction of the pairs of hand link and object."""
+        return self._friction
 
     @property
     def n_attempts(self) -> int:
@@ -104,6 +111,26 @@ class CompiledEvaluator:
             result.links,
         )
         self._n_attempts += n
+        return result
+
+    def postures(self, T_object_palm: Array, motors: Array) -> Postures:
+        """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [rad]; see the protocol."""
+        n, n_fingers = len(motors), len(self.hand.fingers)
+        result = Postures(
+            joints=np.zeros((n, self.hand.n_joints)),
+            points=np.zeros((n, n_fingers, 2, 3)),
+            inner_touches=np.zeros((n, n_fingers), dtype=np.bool_),
+        )
+        postures_many(
+            self._hand,
+            self._object,
+            np.ascontiguousarray(T_object_palm, dtype=float),
+            np.ascontiguousarray(motors, dtype=float),
+            self.settings.closing_gap_m,
+            result.joints,
+            result.points,
+            result.inner_touches,
+        )
         return result
 
     def clear_palm(

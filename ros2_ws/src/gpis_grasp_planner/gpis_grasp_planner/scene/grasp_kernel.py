@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon
+from gpis_grasp_planner.quality.volume_estimate import volume_estimate
 from gpis_grasp_planner.scene.closing import close_hand
 from gpis_grasp_planner.scene.palm import clear_palm, hand_gap, retreat_is_free
 from gpis_grasp_planner.scene.posture import place_hand
@@ -52,24 +53,6 @@ def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type:
             row[3] = (py * fz - pz * fy) / obj.torque_scale
             row[4] = (pz * fx - px * fz) / obj.torque_scale
             row[5] = (px * fy - py * fx) / obj.torque_scale
-
-
-@njit(cache=True, nogil=True)
-def volume_estimate(W, k):  # type: ignore[no-untyped-def]
-    """A cheap stand-in for the hull's volume: that of the inertia ellipsoid, scaled.
-
-    The factor 1.7 k^1.7 for k contacts is a fit to exact volumes of grasps by planners; over
-    grasps the estimate's logarithm correlates with the volume's by 0.95. Ranking and answers use
-    the exact volume.
-    """
-    C = np.zeros((6, 6))
-    n = W.shape[0]
-    for i in range(n):
-        for a in range(6):
-            for b in range(6):
-                C[a, b] += W[i, a] * W[i, b] / n
-    d = np.linalg.det(C)
-    return 1.7 * k**1.7 * np.sqrt(d) if d > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,390 @@
+"""The evaluator in PyBullet: the same narrow interface as the compiled one, some 100 times slower.
+
+It shares the drive's law and the quality metric with the compiled evaluator, but neither its
+collision detection nor its closing, and serves as its referee: :meth:`BulletEvaluator.attempt`
+closes the hand by bracketing on PyBullet's distances, :meth:`BulletEvaluator.confirm` looks at
+finished grasps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
+from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.scene_settings import SceneSettings
+from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
+from gpis_grasp_planner.scene.bullet_world import BulletWorld
+
+Array = NDArray[np.float64]
+
+MAX_CONTACTS = 24
+_PER_LINK = 5
+_APART_M = 0.0015
+_REACH_M = 0.01
+_BISECTED = 1e-6
+_RETREAT_STEPS = 6
+_RETREAT_DEPTH_M = 5e-4
+_CLAIM_TOLERANCE_M = 5e-5
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What PyBullet says of a finished grasp.
+
+    Attributes
+    ----------
+    penetration_m : float
+        Depth of the deepest link; 0 where none penetrates.
+    deepest_link : str or None
+    farthest_contact_m : float
+        Largest distance of a claimed contact's link from the object.
+    contacts_confirmed : bool
+        Whether every claimed contact's link is within the contact threshold.
+    """
+
+    penetration_m: float
+    deepest_link: str | None
+    farthest_contact_m: float
+    contacts_confirmed: bool
+
+    @property
+    def confirmed(self) -> bool:
+        """No penetration, and every contact is there."""
+        return self.penetration_m <= 0.0 and self.contacts_confirmed
+
+
+class BulletEvaluator:
+    """Implements `planning.evaluator.GraspEvaluator` in PyBullet; a context manager.
+
+    Parameters
+    ----------
+    hand : HandDescription
+    part : Part
+    friction : Friction
+    settings : SceneSettings
+    """
+
+    def __init__(
+        self, hand: HandDescription, part: Part, friction: Friction, settings: SceneSettings
+    ):
+        self.hand = hand
+        self.part = part
+        self.friction = friction
+        self.settings = settings
+        self.world = BulletWorld(hand, part.mesh)
+        self._moving = [link for f in hand.fingers for link in (f.inner_link, f.distal_link)]
+        self._fixed = [link for link in range(hand.n_links) if link not in self._moving]
+        self._radius, self._inner_radius = _radii(hand)
+        self._n_attempts = 0
+
+    def __enter__(self) -> Self:
+        self.world.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.world.__exit__(kind, value, trace)
+
+    @property
+    def n_attempts(self) -> int:
+        """Grasp attempts so far."""
+        return self._n_attempts
+
+    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]; 50 to 500 ms each."""
+        n = len(spread)
+        result = Attempts(
+            T_object_palm=np.array(T_object_palm, dtype=float),
+            spread=np.array(spread, dtype=float),
+            status=np.zeros(n, dtype=np.int64),
+            joints=np.zeros((n, self.hand.n_joints)),
+            n_contacts=np.zeros(n, dtype=np.int64),
+            positions=np.zeros((n, MAX_CONTACTS, 3)),
+            normals_inward=np.zeros((n, MAX_CONTACTS, 3)),
+            friction=np.zeros((n, MAX_CONTACTS)),
+            links=np.zeros((n, MAX_CONTACTS), dtype=np.int64),
+            epsilon=np.full(n, -1.0),
+            volume=np.zeros(n),
+        )
+        for row in range(n):
+            status, joints, contacts, quality = self._attempt(T_object_palm[row], spread[row])
+            k = len(contacts)
+            result.status[row] = status
+            result.joints[row] = joints
+            result.n_contacts[row] = k
+            result.positions[row, :k] = contacts.positions
+            result.normals_inward[row, :k] = contacts.normals_inward
+            result.friction[row, :k] = contacts.friction
+            result.links[row, :k] = contacts.links
+            result.epsilon[row] = quality.epsilon
+            result.volume[row] = quality.volume
+        self._n_attempts += n
+        return result
+
+    def clear_palm(
+        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Move open hands along the normals until they are free; see the protocol."""
+        T = np.array(T_object_palm, dtype=float)
+        free = np.zeros(len(T), dtype=np.bool_)
+        for row in range(len(T)):
+            self.world.set_joints(self._open(spread[row]))
+            free[row] = self._clear(T[row], normals_outward[row], float(standoff[row]))
+        return T, free
+
+    def confirm(self, grasps: Sequence[Grasp]) -> list[Confirmation]:
+        """Look at finished grasps in PyBullet's scene; some 5 to 50 ms each."""
+        return [self._confirm(grasp) for grasp in grasps]
+
+    def _confirm(self, grasp: Grasp) -> Confirmation:
+        self.world.place_palm(grasp.T_object_palm)
+        self.world.set_joints(grasp.joints)
+        threshold = self.settings.contact_threshold_m
+        gaps = np.array([self.world.gap(link, 0.005) for link in range(self.hand.n_links)])
+        deepest = int(np.argmin(gaps))
+        claimed = np.unique(grasp.contacts.links)
+        farthest = float(gaps[claimed].max()) if len(claimed) else 0.0
+        depth = max(0.0, -float(gaps[deepest]))
+        return Confirmation(
+            penetration_m=depth,
+            deepest_link=self.hand.link_names[deepest] if depth > 0.0 else None,
+            farthest_contact_m=farthest,
+            contacts_confirmed=farthest <= threshold + _CLAIM_TOLERANCE_M,
+        )
+
+    def _open(self, spread: float) -> Array:
+        joints = np.zeros(self.hand.n_joints)
+        for finger in self.hand.fingers:
+            if finger.spread_joint >= 0:
+                joints[finger.spread_joint] = spread
+        return joints
+
+    def _attempt(
+        self, T: Array, spread: float
+    ) -> tuple[AttemptStatus, Array, Contacts, Quality]:
+        world, settings = self.world, self.settings
+        joints = self._open(spread)
+        nothing = (Contacts.none(), Quality(-1.0, 0.0))
+        world.place_palm(T)
+        world.set_joints(joints)
+        if world.hand_gap(settings.contact_threshold_m) <= 0.0:
+            return (AttemptStatus.PALM_COLLISION, joints, *nothing)
+        touched = [self._close(finger, joints) for finger in self.hand.fingers]
+        if self._fingers_meet(joints, touched):
+            return (AttemptStatus.SELF_COLLISION, joints, *nothing)
+        contacts = self._contacts() if any(touched) else Contacts.none()
+        if len(contacts) < 2:
+            return AttemptStatus.TOO_FEW_CONTACTS, joints, contacts, nothing[1]
+        quality = grasp_quality(
+            contacts, self.part.center_of_mass, self.part.max_radius, settings.cone_edges
+        )
+        if quality.epsilon > 0.0 and not self._way_back(T, spread):
+            return AttemptStatus.NO_WAY_BACK, joints, contacts, nothing[1]
+        return AttemptStatus.GRASPED, joints, contacts, quality
+
+    def _close(self, finger: Finger, joints: Array) -> bool:
+        """Close one finger: coupled until a link touches, then the distal link alone."""
+        hand, world, gap = self.hand, self.world, self.settings.closing_gap_m
+        ratio = hand.drive.distal_per_inner
+        inner_upper = float(hand.joint_upper[finger.inner_joint])
+        distal_upper = float(hand.joint_upper[finger.distal_joint])
+
+        def gaps_coupled(angle: float) -> tuple[float, float]:
+            world.set_joint(finger.inner_joint, angle)
+            world.set_joint(finger.distal_joint, min(ratio * angle, distal_upper))
+            return world.gap(finger.inner_link, _REACH_M), world.gap(finger.distal_link, _REACH_M)
+
+        def gaps_distal(angle: float) -> tuple[float]:
+            world.set_joint(finger.distal_joint, angle)
+            return (world.gap(finger.distal_link, _REACH_M),)
+
+        own = self._radius[finger.distal_link]
+        speeds = (
+            self._radius[finger.inner_link],
+            self._inner_radius[finger.distal_link] + ratio * own,
+        )
+        inner, which = _advance(gaps_coupled, joints[finger.inner_joint], inner_upper, speeds, gap)
+        distal = min(ratio * inner, distal_upper)
+        touched = which is not None
+        if which == 0:
+            distal, _ = _advance(gaps_distal, distal, distal_upper, (own,), gap)
+        joints[finger.inner_joint] = inner
+        joints[finger.distal_joint] = distal
+        world.set_joint(finger.inner_joint, inner)
+        world.set_joint(finger.distal_joint, distal)
+        return touched
+
+    def _fingers_meet(self, joints: Array, touched: Sequence[bool]) -> bool:
+        """Whether a finger that touches the object meets another; free ones open to let it pass."""
+        hand, world = self.hand, self.world
+        for finger, touches in zip(hand.fingers, touched, strict=True):
+            while not touches and joints[finger.inner_joint] > 0.0 and self._meets(finger, 1e-4):
+                inner = max(joints[finger.inner_joint] - 0.05, 0.0)
+                joints[finger.inner_joint] = inner
+                joints[finger.distal_joint] = hand.drive.distal_per_inner * inner
+                world.set_joint(finger.inner_joint, inner)
+                world.set_joint(finger.distal_joint, joints[finger.distal_joint])
+        return any(
+            touches and self._meets(finger, 1e-5)
+            for finger, touches in zip(hand.fingers, touched, strict=True)
+        )
+
+    def _meets(self, finger: Finger, limit: float) -> bool:
+        own = {finger.inner_link, finger.distal_link, finger.knuckle_link}
+        for link in (finger.inner_link, finger.distal_link):
+            others = self._moving if link == finger.inner_link else range(self.hand.n_links)
+            if any(self.world.links_near(link, o, limit) for o in others if o not in own):
+                return True
+        return False
+
+    def _contacts(self) -> Contacts:
+        positions, normals, links = [], [], []
+        for link in range(self.hand.n_links):
+            found = self.world.contacts(link, self.settings.contact_threshold_m)
+            for index in _well_apart(found.on_object, found.normals_inward):
+                positions.append(found.on_object[index])
+                normals.append(found.normals_inward[index])
+                links.append(link)
+        k = min(len(links), MAX_CONTACTS)
+        if k == 0:
+            return Contacts.none()
+        groups = [self.hand.link_friction_group[link] for link in links[:k]]
+        friction = [self.friction.palm if g == "palm" else self.friction.finger for g in groups]
+        return Contacts(
+            np.array(positions[:k]),
+            np.array(normals[:k]),
+            np.array(friction),
+            np.array(links[:k], dtype=np.intp),
+        )
+
+    def _way_back(self, T: Array, spread: float) -> bool:
+        self.world.set_joints(self._open(spread))
+        for step in range(1, _RETREAT_STEPS + 1):
+            back = T.copy()
+            back[:3, 3] -= self.settings.retreat_m * step / _RETREAT_STEPS * T[:3, 2]
+            self.world.place_palm(back)
+            if self.world.hand_gap(0.0) < -_RETREAT_DEPTH_M:
+                return False
+        return True
+
+    def _clear(self, T: Array, normal: Array, standoff: float) -> bool:
+        """The ladder of Alg. 2 in place in T, refined to contact as in `scene.palm`."""
+        settings, world = self.settings, self.world
+        start = T[:3, 3].copy()
+        level = turned = 0.0
+        while True:
+            T[:3, 3] = start + level * normal
+            world.place_palm(T)
+            gap = world.hand_gap(settings.lambda_step_m)
+            if gap > 0.0:
+                break
+            if level < settings.lambda_max_m:
+                level += settings.lambda_step_m
+                continue
+            turned += settings.theta_step_deg
+            if turned >= 360.0:
+                return False
+            c, s = np.cos(np.radians(settings.theta_step_deg)), np.sin(
+                np.radians(settings.theta_step_deg)
+            )
+            T[:3, :2] = T[:3, :2] @ np.array([[c, -s], [s, c]])
+        for _ in range(12 if level > 0.0 else 0):
+            if gap < 2.0 * settings.closing_gap_m:
+                break
+            advance = gap - settings.closing_gap_m
+            T[:3, 3] -= advance * normal
+            world.place_palm(T)
+            gap = world.hand_gap(settings.lambda_step_m)
+            if gap <= 0.0:
+                T[:3, 3] += (advance + settings.closing_gap_m) * normal
+                break
+        T[:3, 3] += standoff * normal
+        world.place_palm(T)
+        return world.hand_gap(settings.lambda_step_m) > 0.0
+
+
+def _advance(
+    gaps: Callable[[float], tuple[float, ...]],
+    start: float,
+    end: float,
+    speeds: tuple[float, ...],
+    gap: float,
+) -> tuple[float, int | None]:
+    """Turn from `start` [rad] until a link is within two gaps of the object.
+
+    `gaps(angle)` moves the links and gives their distances [m] (at most the reach, negative in
+    penetration); no point of link i is faster than `speeds[i]` [m/rad]. Steps are safe by the
+    speeds, lengthened by the slope of the last two distances, and halved back from an overlap.
+
+    Returns
+    -------
+    angle : float
+    touching : int or None
+        Index of the touching link; None at the end of the travel.
+    """
+    free, angle = start, start
+    before: tuple[float, ...] | None = None
+    while True:
+        now = gaps(angle)
+        if min(now) <= 0.0:
+            if angle - free < _BISECTED:
+                gaps(free)
+                return free, int(np.argmin(now))
+            angle, before = 0.5 * (free + angle), None
+            continue
+        if min(now) < 2.0 * gap:
+            return angle, int(np.argmin(now))
+        if angle >= end:
+            return end, None
+        steps = []
+        for i, d in enumerate(now):
+            step = (d - gap) / speeds[i]
+            if before is not None and d < before[i] < _REACH_M:
+                step = max(step, 0.95 * (d - gap) * (angle - free) / (before[i] - d))
+            steps.append(step)
+        free, before = angle, now
+        angle = min(angle + max(min(steps), _BISECTED), end)
+
+
+def _well_apart(points: Array, normals: Array) -> list[int]:
+    """Up to five of the points (nearest first): the first, then always the farthest apart."""
+    if len(points) == 0:
+        return []
+    chosen = [0]
+    apart = np.full(len(points), np.inf)
+    while len(chosen) < _PER_LINK:
+        last = chosen[-1]
+        distance = np.linalg.norm(points - points[last], axis=1)
+        turned = normals @ normals[last] < np.cos(np.radians(20.0))
+        apart = np.minimum(apart, np.where(turned, np.maximum(distance, 2 * _APART_M), distance))
+        best = int(np.argmax(apart))
+        if apart[best] < _APART_M:
+            break
+        chosen.append(best)
+    return chosen
+
+
+def _radii(hand: HandDescription) -> tuple[Array, Array]:
+    """Largest distance of a link's points from its own axis and from its finger's inner axis."""
+    own = np.zeros(hand.n_links)
+    inner = np.zeros(hand.n_links)
+    for link, pieces in enumerate(hand.link_collision):
+        points = np.concatenate([piece.vertices for piece in pieces])
+        own[link] = np.linalg.norm(np.cross(hand.joint_axis[link], points), axis=1).max()
+        offset = np.linalg.norm(hand.T_parent_joint[link][:3, 3])
+        inner[link] = offset + np.linalg.norm(points, axis=1).max()
+    return own, inner
