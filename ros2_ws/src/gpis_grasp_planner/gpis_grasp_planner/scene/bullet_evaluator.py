@@ -173,9 +173,7 @@ class BulletEvaluator:
                 joints[finger.spread_joint] = spread
         return joints
 
-    def _attempt(
-        self, T: Array, spread: float
-    ) -> tuple[AttemptStatus, Array, Contacts, Quality]:
+    def _attempt(self, T: Array, spread: float) -> tuple[AttemptStatus, Array, Contacts, Quality]:
         world, settings = self.world, self.settings
         joints = self._open(spread)
         nothing = (Contacts.none(), Quality(-1.0, 0.0))
@@ -298,8 +296,9 @@ class BulletEvaluator:
             turned += settings.theta_step_deg
             if turned >= 360.0:
                 return False
-            c, s = np.cos(np.radians(settings.theta_step_deg)), np.sin(
-                np.radians(settings.theta_step_deg)
+            c, s = (
+                np.cos(np.radians(settings.theta_step_deg)),
+                np.sin(np.radians(settings.theta_step_deg)),
             )
             T[:3, :2] = T[:3, :2] @ np.array([[c, -s], [s, c]])
         for _ in range(12 if level > 0.0 else 0):

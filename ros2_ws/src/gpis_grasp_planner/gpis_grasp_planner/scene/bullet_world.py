@@ -2,9 +2,9 @@
 
 This is the only module that imports pybullet. The object stays a concave triangle mesh, so that
 the inside and the handle of a mug can be touched. Collision margins are nearly zero, because
-PyBullet adds them to the shapes: with its default of 1 mm a distance is wrong by as much. PyBullet (3.2.7) changes the margin of a
-body's base only, not of its links; so every convex piece of the hand is a body of its own here,
-placed by the hand's kinematics.
+PyBullet adds them to the shapes: with its default of 1 mm a distance is wrong by as much. PyBullet
+(3.2.7) changes the margin of a body's base only, not of its links; so every convex piece of the
+hand is a body of its own here, placed by the hand's kinematics.
 """
 
 from __future__ import annotations
@@ -207,7 +207,7 @@ class BulletWorld:
     def gap(self, link: int, limit: float) -> float:
         """Distance of a link from the object [m], at most `limit`; negative: depth."""
         nearest = min((row[8] for row in self._pairs(link, limit)), default=limit)
-        if nearest > 0.0:
+        if nearest >= 0.0:
             depth = self._depth_inside(link)
             if depth > 0.0:
                 return -depth
@@ -246,7 +246,7 @@ class BulletWorld:
             index
             for index in np.argsort(found.distances)
             if found.distances[index] > 0.0
-            and self._mesh_distance(found.on_link[index], float(found.distances[index]))
+            and self._is_nearest(found.on_link[index], float(found.distances[index]))
         ]
         return ClosestPoints(
             found.on_link[keep],
@@ -255,12 +255,13 @@ class BulletWorld:
             found.distances[keep],
         )
 
-    def _mesh_distance(self, point: Array, distance: float) -> bool:
+    def _is_nearest(self, point: Array, distance: float) -> bool:
         tree = self.tree
+        limit = _SAME_DISTANCE * distance + 1e-5
+        x, y, z = point
         nearest, _, _ = nearest_point(
-            *point, _SAME_DISTANCE * distance + 1e-5,
-            tree.triangles, tree.lower, tree.upper, tree.child, np.empty(3),
-        )  # fmt: skip
+            x, y, z, limit, tree.triangles, tree.lower, tree.upper, tree.child, np.empty(3)
+        )
         # PyBullet's points are good to some 1e-6 m
         return bool(nearest > distance / _SAME_DISTANCE - 2e-6)
 
