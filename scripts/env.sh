@@ -17,17 +17,17 @@ unset PYTHONHOME
 export AMENT_PREFIX_PATH="$VIRTUAL_ENV"
 export CMAKE_PREFIX_PATH="$VIRTUAL_ENV"
 
+# Its own local_setup, not setup: that one would look for a local_setup in the virtual environment.
 # colcon's script reads variables that may be unset; the caller's `set -u` must survive it.
 _gpis_options=$-
 set +u
 if [ -n "${ZSH_VERSION:-}" ]; then
-    _gpis_setup="$_gpis_root/ros2_ws/install/setup.zsh"
+    _gpis_setup="$_gpis_root/ros2_ws/install/local_setup.zsh"
 else
-    _gpis_setup="$_gpis_root/ros2_ws/install/setup.bash"
+    _gpis_setup="$_gpis_root/ros2_ws/install/local_setup.bash"
 fi
 if [ -f "$_gpis_setup" ]; then
-    # The virtual environment has no local_setup script, and colcon says so on every start.
-    . "$_gpis_setup" 2> >(grep -v "not found: \"$VIRTUAL_ENV/local_setup" >&2)
+    . "$_gpis_setup"
 else
     echo "scripts/env.sh: ros2_ws is not built yet (run: make setup)" >&2
 fi
