@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import Any
 
 from gpis_grasp_planner.cli.exit_codes import SUCCESS
 
@@ -24,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.urdf:
         print(hand.urdf_path)
         return SUCCESS
-    facts = {
+    facts: dict[str, Any] = {
         "name": hand.name,
         "urdf": str(hand.urdf_path),
         "palm_link": hand.palm_link,

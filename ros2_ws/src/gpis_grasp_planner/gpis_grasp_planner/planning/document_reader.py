@@ -8,76 +8,38 @@ unit length, and joints in another order are errors that name the field.
 from __future__ import annotations
 
 import json
-import math
-import reprlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.json_node import Node
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult
 from gpis_grasp_planner.quality.contacts import Contacts
 
-Array = NDArray[np.float64]
-
 SCHEMA = "gpis_grasp_planner/grasps"
 SCHEMA_VERSION = 1
-UNIT_TOLERANCE = 1e-6
 _TEXT_ONLY = ("mesh_hash_recipe", "frame", "quality_recipe")
 _FIELDS = frozenset(
-    [
-        "schema",
-        "schema_version",
-        "version",
-        "code",
-        "status",
-        "message",
-        "mesh_id",
-        "mesh_source",
-        "mesh_hash",
-        "length_unit",
-        "center_of_mass",
-        "torque_scale",
-        "mass",
-        "cone_edges",
-        "contact_threshold",
-        "friction",
-        "hand",
-        "joint_names",
-        "link_names",
-        "planner",
-        "seed",
-        "time_budget_s",
-        "n_grasps",
-        "max_evaluations",
-        "settings",
-        "elapsed_s",
-        "n_evaluations",
-        "convergence",
-        "notes",
-        "grasps",
-        "best_attempt",
-    ]
-) | set(_TEXT_ONLY)
+    (
+        "schema", "schema_version", "version", "code", "status", "message", "mesh_id",
+        "mesh_source", "mesh_hash", "length_unit", "center_of_mass", "torque_scale", "mass",
+        "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
+        "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "settings",
+        "elapsed_s", "n_evaluations", "convergence", "notes", "grasps", "best_attempt",
+    )
+) | set(_TEXT_ONLY)  # fmt: skip
 _GRASP_FIELDS = frozenset(
-    [
-        "palm_pose",
-        "joint_names",
-        "joint_positions",
-        "pregrasp_joint_positions",
-        "approach_direction",
-        "approach_distance",
-        "contacts",
-        "epsilon",
-        "volume",
-    ]
-)
+    (
+        "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
+        "approach_direction", "approach_distance", "contacts", "epsilon", "volume",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -86,91 +48,6 @@ class MeshSource:
 
     file: str
     unit: str | None = None
-
-
-class _Node:
-    """A value of the document together with the path to it, for messages."""
-
-    def __init__(self, value: Any, path: str, document: str):
-        self.value = value
-        self.path = path
-        self.document = document
-
-    def fail(self, must: str) -> RequestError:
-        """Say where, what was found, and what it must be."""
-        where = f"'{self.path}'" if self.path else "The document"
-        return RequestError(
-            f"{self.document}: {where} is {reprlib.repr(self.value)}; it must be {must}.",
-            ErrorCode.INVALID_DOCUMENT,
-        )
-
-    def object(self, names: frozenset[str]) -> dict[str, _Node]:
-        """An object with exactly these fields."""
-        if not isinstance(self.value, Mapping):
-            raise self.fail(f"an object with the fields {', '.join(sorted(names))}")
-        missing = sorted(names - set(self.value))
-        unknown = sorted(str(name)[:40] for name in set(self.value) - names)
-        if missing or unknown:
-            fault = f"lacks {', '.join(missing)}" if missing else f"has unknown {unknown}"
-            where = f"'{self.path}'" if self.path else "the document"
-            raise RequestError(
-                f"{self.document}: {where} {fault}. A document of schema version "
-                f"{SCHEMA_VERSION} has exactly the fields of docs/document.md.",
-                ErrorCode.INVALID_DOCUMENT,
-            )
-        prefix = f"{self.path}." if self.path else ""
-        return {n: _Node(v, f"{prefix}{n}", self.document) for n, v in self.value.items()}
-
-    def list(self) -> list[_Node]:
-        """Return the items of a list."""
-        if not isinstance(self.value, list):
-            raise self.fail("a list")
-        return [_Node(v, f"{self.path}[{i}]", self.document) for i, v in enumerate(self.value)]
-
-    def text(self) -> str:
-        """Return a text."""
-        if not isinstance(self.value, str):
-            raise self.fail("a text")
-        return self.value
-
-    def texts(self) -> tuple[str, ...]:
-        """Return a list of texts."""
-        return tuple(item.text() for item in self.list())
-
-    def number(self, low: float = -math.inf, high: float = math.inf) -> float:
-        """A finite number within bounds, both included."""
-        value = self.value
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.fail("a number")
-        if not (abs(value) < 1e300 and low <= value <= high):
-            raise self.fail(f"a finite number from {low:g} to {high:g}")
-        return float(value)
-
-    def integer(self, low: int = 0, high: int = 2**63 - 1) -> int:
-        """A whole number within bounds, both included."""
-        value = self.value
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise self.fail(f"an integer from {low} to {high}")
-        return value
-
-    def vector(self, n: int) -> Array:
-        """A list of `n` numbers."""
-        items = self.list()
-        if len(items) != n:
-            raise self.fail(f"a list of {n} numbers")
-        return np.array([item.number() for item in items], dtype=float)
-
-    def unit_vector(self, n: int) -> Array:
-        """A list of `n` numbers of length 1, normalised to the last digit."""
-        vector = self.vector(n)
-        length = float(np.linalg.norm(vector))
-        if abs(length - 1.0) > UNIT_TOLERANCE:
-            raise self.fail(f"of length 1 (it has {length:.9g})")
-        return vector
-
-    def optional(self, read: Callable[[_Node], Any]) -> Any:
-        """Read null as None, all else by `read`."""
-        return None if self.value is None else read(self)
 
 
 def parse_document(data: bytes, name: str) -> dict[str, Any]:
@@ -198,11 +75,11 @@ def parse_document(data: bytes, name: str) -> dict[str, Any]:
             f"{name} is not valid JSON: {error}. Name a document that 'plan --json' wrote.",
             ErrorCode.INVALID_DOCUMENT,
         ) from None
-    document = _Node(values, "", name)
+    document = Node(values, "", name)
     if not isinstance(values, dict) or values.get("schema") != SCHEMA:
         raise document.fail(f"an object whose schema is '{SCHEMA}'")
     if values.get("schema_version") != SCHEMA_VERSION:
-        found = _Node(values.get("schema_version"), "schema_version", name)
+        found = Node(values.get("schema_version"), "schema_version", name)
         raise found.fail(f"{SCHEMA_VERSION}, the one version this program reads")
     return values
 
@@ -224,7 +101,7 @@ def result_from_dict(
     RequestError
         INVALID_DOCUMENT with the field, its value and what it must be.
     """
-    root = _Node(values, "", name).object(_FIELDS)
+    root = Node(values, "", name).object(_FIELDS)
     for field in ("version", *_TEXT_ONLY):
         root[field].text()
     if root["length_unit"].text() != "m":
@@ -235,7 +112,7 @@ def result_from_dict(
         raise root["mesh_hash"].fail("a SHA-256 as 64 hexadecimal digits")
     joint_names, link_names = root["joint_names"].texts(), root["link_names"].texts()
 
-    def read_grasp(node: _Node) -> Grasp:
+    def read_grasp(node: Node) -> Grasp:
         return _grasp(node, joint_names, link_names)
 
     result = PlanResult(
@@ -264,7 +141,7 @@ def result_from_dict(
     return result, root["mesh_source"].optional(_mesh_source)
 
 
-def _code(root: Mapping[str, _Node]) -> ErrorCode:
+def _code(root: Mapping[str, Node]) -> ErrorCode:
     names = {int(code): code for code in ErrorCode}
     code = names.get(root["code"].integer())
     if code is None:
@@ -276,7 +153,7 @@ def _code(root: Mapping[str, _Node]) -> ErrorCode:
     return code
 
 
-def _request(root: Mapping[str, _Node]) -> PlanRequest:
+def _request(root: Mapping[str, Node]) -> PlanRequest:
     try:
         return PlanRequest(
             planner=root["planner"].text(),
@@ -284,7 +161,7 @@ def _request(root: Mapping[str, _Node]) -> PlanRequest:
             time_budget_s=root["time_budget_s"].number(),
             n_grasps=root["n_grasps"].integer(),
             friction=_friction(root["friction"]),
-            max_evaluations=root["max_evaluations"].optional(_Node.integer),
+            max_evaluations=root["max_evaluations"].optional(Node.integer),
         )
     except GraspPlannerError as error:
         if error.code == ErrorCode.INVALID_DOCUMENT:
@@ -294,27 +171,27 @@ def _request(root: Mapping[str, _Node]) -> PlanRequest:
         ) from None
 
 
-def _friction(node: _Node) -> Friction:
+def _friction(node: Node) -> Friction:
     pair = node.object(frozenset({"finger", "palm"}))
     return Friction(pair["finger"].number(low=0.0), pair["palm"].number(low=0.0))
 
 
-def _mesh_source(node: _Node) -> MeshSource:
+def _mesh_source(node: Node) -> MeshSource:
     source = node.object(frozenset({"file", "unit"}))
-    unit = source["unit"].optional(_Node.text)
+    unit = source["unit"].optional(Node.text)
     if unit not in (None, "m", "mm"):
         raise source["unit"].fail("'m', 'mm' or null")
     return MeshSource(source["file"].text(), unit)
 
 
-def _settings(node: _Node) -> dict[str, dict[str, Any]]:
+def _settings(node: Node) -> dict[str, dict[str, Any]]:
     groups = node.value
     if not isinstance(groups, Mapping) or not all(isinstance(g, Mapping) for g in groups.values()):
         raise node.fail("groups of names and values")
     return {group: dict(values) for group, values in groups.items()}
 
 
-def _improvement(node: _Node) -> tuple[float, int, float]:
+def _improvement(node: Node) -> tuple[float, int, float]:
     entry = node.object(frozenset({"elapsed_s", "n_evaluations", "best_epsilon"}))
     return (
         entry["elapsed_s"].number(low=0.0),
@@ -323,7 +200,7 @@ def _improvement(node: _Node) -> tuple[float, int, float]:
     )
 
 
-def _grasp(node: _Node, joint_names: Sequence[str], link_names: Sequence[str]) -> Grasp:
+def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) -> Grasp:
     grasp = node.object(_GRASP_FIELDS)
     if grasp["joint_names"].texts() != tuple(joint_names):
         raise grasp["joint_names"].fail("the document's joint_names, in their order")
@@ -343,7 +220,7 @@ def _grasp(node: _Node, joint_names: Sequence[str], link_names: Sequence[str]) -
     )
 
 
-def _contacts(node: _Node, link_names: Sequence[str]) -> Contacts:
+def _contacts(node: Node, link_names: Sequence[str]) -> Contacts:
     names = frozenset({"link", "position", "normal_inward", "friction"})
     contacts = [item.object(names) for item in node.list()]
     if not contacts:
