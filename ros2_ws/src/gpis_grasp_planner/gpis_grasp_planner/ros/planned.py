@@ -64,6 +64,11 @@ class WorkerReady:
 
 
 @dataclass(frozen=True)
+class WorkerAccepted:
+    """The planning process has begun with an order."""
+
+
+@dataclass(frozen=True)
 class WorkerProgress:
     """How far the running plan is."""
 

@@ -23,6 +23,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PlanningErro
 from gpis_grasp_planner.ros.planned import (
     Plan,
     PlanOrder,
+    WorkerAccepted,
     WorkerError,
     WorkerProgress,
     WorkerReady,
@@ -31,6 +32,7 @@ from gpis_grasp_planner.ros.planned import (
 PACKAGE_PARENT = Path(__file__).resolve().parents[2]
 POLL_S = 0.05
 START_LIMIT_S = 90.0
+ACCEPT_LIMIT_S = 5.0
 # One that cannot start shall not keep a core busy with attempts.
 REVIVAL_PERIOD_S = 10.0
 
@@ -136,12 +138,11 @@ class PlanningProcess:
             What the planner itself raised, with its code.
         """
         with self._planning:
-            self.ensure_started()
+            if not self._hand_over(order):
+                # It was lost before it began, so the order is not to blame: once more.
+                self._hand_over(order, last_try=True)
             try:
-                connection = self._open_connection()
-                self._wait_ready(connection)
-                connection.send(order)
-                return self._wait_plan(connection, order, grace_s, on_progress)
+                return self._wait_plan(self._open_connection(), order, grace_s, on_progress)
             except (EOFError, OSError) as error:
                 raise self._lost() from error
 
@@ -151,6 +152,21 @@ class PlanningProcess:
             self._closed = True
             if self._process is not None:
                 self._end_process(self._process)
+
+    def _hand_over(self, order: PlanOrder, last_try: bool = False) -> bool:
+        """Give the worker an order; False if it died, or hung, before it began."""
+        self.ensure_started()
+        try:
+            connection = self._open_connection()
+            self._wait_ready(connection)
+            connection.send(order)
+            self._wait_for(connection, WorkerAccepted, ACCEPT_LIMIT_S)
+        except (EOFError, OSError) as error:
+            fault = self._lost()
+            if last_try or fault.code != ErrorCode.PLANNING_PROCESS_LOST:
+                raise fault from error
+            return False
+        return True
 
     def _open_connection(self) -> Connection:
         with self._lock:
@@ -168,17 +184,16 @@ class PlanningProcess:
             self._ready = False
 
     def _wait_ready(self, connection: Connection) -> None:
-        deadline = time.monotonic() + START_LIMIT_S
-        while not self._ready:
-            if connection.poll(POLL_S):
-                self._ready = isinstance(connection.recv(), WorkerReady)
-            elif time.monotonic() > deadline:
-                self._give_up()
-                raise SystemFault(
-                    f"The planning process did not start within {START_LIMIT_S:g} s. Look for "
-                    "its messages in the node's output, and whether the machine is overloaded.",
-                    ErrorCode.PLANNING_PROCESS_LOST,
-                )
+        if not self._ready:
+            self._wait_for(connection, WorkerReady, START_LIMIT_S)
+            self._ready = True
+
+    def _wait_for(self, connection: Connection, kind: type, limit_s: float) -> None:
+        deadline = time.monotonic() + limit_s
+        while time.monotonic() < deadline:
+            if connection.poll(POLL_S) and isinstance(connection.recv(), kind):
+                return
+        raise TimeoutError(f"no {kind.__name__} within {limit_s:g} s")
 
     def _wait_plan(
         self,

@@ -6,43 +6,84 @@ import os
 import queue
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError
 from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
-from gpis_grasp_planner.planning.plan import plan_grasps
-from gpis_grasp_planner.planning.request import PlanResult, Progress
+from gpis_grasp_planner.planner import GraspPlanner
+from gpis_grasp_planner.planning.request import TIME_BUDGET_RANGE_S, PlanResult, Progress
 from gpis_grasp_planner.planning.settings import PlannerSettings
 from gpis_grasp_planner.ros.planned import (
     Plan,
     PlanOrder,
+    WorkerAccepted,
     WorkerError,
     WorkerProgress,
     WorkerReady,
 )
 
 
-def make_plan(order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
-    """Load the mesh and plan.
+class Planner:
+    """Serves orders; what it prepared for a mesh is kept while the settings stay the same."""
 
-    Raises
-    ------
-    GraspPlannerError
-        Of the catalogue or the planner.
-    """
-    groups = dict(order.settings)
-    catalogue_settings = CatalogueSettings.from_mapping(groups.pop("catalogue"))
-    catalogue = MeshCatalogue([Path(d) for d in order.mesh_directories], catalogue_settings)
-    part = catalogue.load(order.mesh_id)
-    settings = PlannerSettings.from_mapping(groups)
-    result = plan_grasps(part, order.request, settings, on_progress=on_progress)
-    return _light(result, part.notes)
+    def __init__(self) -> None:
+        self._planner = GraspPlanner()
+
+    def make_plan(self, order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
+        """Load the mesh and plan.
+
+        Loading and preparing a mesh counts against the time budget, but at least half of that is
+        left to the search: a first call with a short budget must not end before it began.
+
+        Raises
+        ------
+        GraspPlannerError
+            Of the catalogue or the planner.
+        """
+        start = time.monotonic()
+        groups = dict(order.settings)
+        catalogue_settings = CatalogueSettings.from_mapping(groups.pop("catalogue"))
+        directories = [Path(directory) for directory in order.mesh_directories]
+        part = MeshCatalogue(directories, catalogue_settings).load(order.mesh_id)
+        settings = PlannerSettings.from_mapping(groups)
+        if settings != self._planner.settings:
+            self._planner = GraspPlanner(settings)
+        self._planner.prepare(part)
+        budget_s = order.request.time_budget_s
+        left_s = max(budget_s - (time.monotonic() - start), 0.5 * budget_s, TIME_BUDGET_RANGE_S[0])
+        request = replace(order.request, time_budget_s=left_s)
+        result = self._planner.plan(part, request, on_progress)
+        return _light(result, elapsed_s=time.monotonic() - start)
+
+    def answer(
+        self, order: PlanOrder, on_progress: Callable[[Progress], None]
+    ) -> Plan | WorkerError:
+        """Make a plan, or an error that can be sent: whatever happens, there is an answer."""
+        try:
+            return self.make_plan(order, on_progress)
+        except GraspPlannerError as error:
+            return WorkerError(error.code, error.message)
+        except MemoryError:
+            return WorkerError(
+                ErrorCode.INTERNAL,
+                "The planning process ran out of memory. Use a mesh with fewer faces, or a "
+                "machine with more memory.",
+            )
+        except Exception as error:
+            traceback.print_exc()
+            return WorkerError(
+                ErrorCode.INTERNAL,
+                f"The planner failed unexpectedly ({type(error).__name__}: {error}). The "
+                "traceback is in the node's output; please report it.",
+            )
 
 
-def _light(result: PlanResult, part_notes: tuple[str, ...]) -> Plan:
+def _light(result: PlanResult, elapsed_s: float) -> Plan:
     return Plan(
         code=result.code,
         message=result.message,
@@ -50,31 +91,10 @@ def _light(result: PlanResult, part_notes: tuple[str, ...]) -> Plan:
         mesh_hash=result.mesh_hash,
         grasps=result.grasps,
         best_attempt=result.best_attempt,
-        notes=tuple(dict.fromkeys((*part_notes, *result.notes))),
+        notes=result.notes,
         evaluations=result.evaluations,
-        elapsed_s=result.elapsed_s,
+        elapsed_s=elapsed_s,
     )
-
-
-def answer(order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan | WorkerError:
-    """Make a plan, or an error that can be sent: whatever happens, there is an answer."""
-    try:
-        return make_plan(order, on_progress)
-    except GraspPlannerError as error:
-        return WorkerError(error.code, error.message)
-    except MemoryError:
-        return WorkerError(
-            ErrorCode.INTERNAL,
-            "The planning process ran out of memory. Use a mesh with fewer faces, or a machine "
-            "with more memory.",
-        )
-    except Exception as error:
-        traceback.print_exc()
-        return WorkerError(
-            ErrorCode.INTERNAL,
-            f"The planner failed unexpectedly ({type(error).__name__}: {error}). The traceback is "
-            "in the node's output; please report it.",
-        )
 
 
 def _receive(connection: Connection, orders: queue.SimpleQueue[PlanOrder]) -> None:
@@ -103,8 +123,11 @@ def main() -> None:
             )
         )
 
+    planner = Planner()
     while True:
-        connection.send(answer(orders.get(), report))
+        order = orders.get()
+        connection.send(WorkerAccepted())
+        connection.send(planner.answer(order, report))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,180 @@
+"""A real node process, and a client that talks to it over real DDS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from gpis_grasp_msgs.srv import PlanGrasp
+
+READY_S = 90.0  # a bound on a hang, not a measurement: machines that run tests may be busy
+ANSWER_S = 120.0
+
+
+class NodeProcess:
+    """The node as users start it: a plain process."""
+
+    def __init__(
+        self, log: Path, parameters: dict[str, str], environment: dict[str, str] | None = None
+    ) -> None:
+        arguments = [f"{name}:={value}" for name, value in parameters.items()]
+        self.log = log
+        with log.open("wb") as output:
+            self.process = subprocess.Popen(
+                [
+                    sys.executable,
+                    "-m",
+                    "gpis_grasp_planner.ros.node",
+                    *(["--ros-args"] if arguments else []),
+                    *(word for argument in arguments for word in ("-p", argument)),
+                ],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=log.parent,
+                env={**os.environ, **(environment or {})},
+            )
+
+    def text(self) -> str:
+        """What the node has printed so far."""
+        return self.log.read_text(errors="replace")
+
+    def wait_ready(self) -> None:
+        deadline = time.monotonic() + READY_S
+        while "Ready: service" not in self.text():
+            assert self.process.poll() is None, self.text()
+            assert time.monotonic() < deadline, self.text()
+            time.sleep(0.05)
+
+    def workers(self) -> list[int]:
+        """Process IDs of the children, whichever thread has started them."""
+        tasks = Path(f"/proc/{self.process.pid}/task")
+        return [int(pid) for t in tasks.iterdir() for pid in (t / "children").read_text().split()]
+
+    def wait_worker(self, other_than: int = -1) -> int:
+        """Process ID of the planning process, once there is one other than the given."""
+        deadline = time.monotonic() + READY_S
+        while time.monotonic() < deadline:
+            found = [pid for pid in self.workers() if pid != other_than]
+            if found:
+                return found[0]
+            time.sleep(0.02)
+        raise AssertionError(f"no planning process appeared:\n{self.text()}")
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        """Send a signal and return the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.process.wait(timeout=30.0)
+
+
+class Client:
+    """A ROS node of the test's own, spinning in a thread."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = Node("grasp_client", context=self.context)
+        self._service = self.node.create_client(PlanGrasp, "plan_grasp")
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def call(self, request: PlanGrasp.Request) -> PlanGrasp.Response:
+        """Call plan_grasp. A first call can get lost in DDS' discovery: it is asked once more."""
+        assert self._service.wait_for_service(timeout_sec=READY_S)
+        for _ in range(2):
+            future = self.call_async(request)
+            done = threading.Event()
+            future.add_done_callback(lambda _future, done=done: done.set())
+            if done.wait(ANSWER_S / 2):
+                return future.result()
+        raise AssertionError("plan_grasp did not answer")
+
+    def call_async(self, request: PlanGrasp.Request) -> Any:
+        assert self._service.wait_for_service(timeout_sec=READY_S)
+        return self._service.call_async(request)
+
+    def plan(self, mesh_id: str = "mug", **fields: Any) -> PlanGrasp.Response:
+        """Call with the object at a fixed pose in the frame "world", unless told otherwise."""
+        return self.call(plan_request(mesh_id, **fields))
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def plan_request(mesh_id: str = "mug", **fields: Any) -> PlanGrasp.Request:
+    """A short request with a pose, unless `object_pose` or `time_budget` are given."""
+    pose = PoseStamped()
+    pose.header.frame_id = "world"
+    pose.pose.position.x = 0.5
+    values = {"time_budget": 1.0, "object_pose": pose, **fields}
+    return PlanGrasp.Request(mesh_id=mesh_id, **values)
+
+
+def wait_for(condition: Callable[[], bool], what: str, seconds: float = 30.0) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, f"timed out waiting for: {what}"
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="session")
+def tools() -> Any:
+    """The helpers of this file, for test modules (they cannot import a conftest)."""
+
+    class Tools:
+        node_process = NodeProcess
+        request = staticmethod(plan_request)
+        wait = staticmethod(wait_for)
+
+    return Tools
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    made = Client()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def start_node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., NodeProcess]]:
+    """Starts nodes and ends those that a test leaves running."""
+    started: list[NodeProcess] = []
+
+    def start(
+        parameters: dict[str, str] | None = None, environment: dict[str, str] | None = None
+    ) -> NodeProcess:
+        log = tmp_path_factory.mktemp("node") / "node.log"
+        started.append(NodeProcess(log, parameters or {}, environment))
+        return started[-1]
+
+    yield start
+    for node in started:
+        if node.process.poll() is None:
+            node.process.kill()
+            node.process.wait()

@@ -1,0 +1,100 @@
+"""Where the plan meets the object's pose: recomputed here by quaternion algebra alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.ros.conversions import grasp_message
+from gpis_grasp_planner.ros.planned import Plan
+from gpis_grasp_planner.ros.request_guard import ObjectPose
+
+HAND = load_hand()
+
+
+def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Hamilton product of quaternions x, y, z, w."""
+    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.array([*vector, p[3] * q[3] - p[:3] @ q[:3]])
+
+
+def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Turn a vector by a unit quaternion: q v q*."""
+    conjugate = q * [-1, -1, -1, 1]
+    return multiply(multiply(q, np.array([*v, 0.0])), conjugate)[:3]
+
+
+def xyz(message: object) -> np.ndarray:
+    return np.array([message.x, message.y, message.z])
+
+
+@pytest.mark.parametrize("run", range(5))
+def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
+    run: int, rng: np.random.Generator
+) -> None:
+    q_object, q_palm = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 4)))
+    p_object, p_palm = rng.normal(size=(2, 3))
+    normals = rng.normal(size=(4, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    T_object_palm = from_position_quat_xyzw(p_palm, q_palm)
+    grasp = Grasp(
+        T_object_palm=T_object_palm,
+        joints=rng.uniform(0, 1, 8),
+        pregrasp_joints=rng.uniform(0, 1, 8),
+        contacts=Contacts(
+            rng.normal(size=(4, 3)), normals, rng.uniform(0.2, 1, 4), np.array([0, 4, 5, 6])
+        ),
+        epsilon=0.1,
+        volume=0.02,
+        approach_direction=T_object_palm[:3, 2],
+        approach_distance=0.1,
+    )
+    plan = Plan(ErrorCode.SUCCESS, "", "mug", "abc", (grasp,), None, (), 10, 1.0)
+    pose = ObjectPose(
+        from_position_quat_xyzw(p_object, q_object), "camera", 12_000_000_034, None, ()
+    )
+
+    message = grasp_message(grasp, plan, pose, HAND)
+
+    out = message.palm_pose.pose
+    assert np.allclose(xyz(out.position), p_object + rotate(q_object, p_palm), atol=1e-12)
+    quat = np.array([*xyz(out.orientation), out.orientation.w])
+    expected = multiply(q_object, q_palm)
+    assert np.isclose(abs(quat @ expected), 1.0, atol=1e-12)
+    assert quat[3] >= 0.0
+    z = rotate(expected, np.array([0.0, 0.0, 1.0]))
+    assert np.allclose(xyz(message.approach_direction.vector), z, atol=1e-12)
+    back = xyz(message.pre_grasp_palm_pose.pose.position)
+    assert np.allclose(back, xyz(out.position) - 0.1 * z, atol=1e-12)
+    assert message.pre_grasp_palm_pose.pose.orientation == out.orientation
+    for contact, position, normal, mu, link in zip(
+        message.contacts,
+        grasp.contacts.positions,
+        normals,
+        grasp.contacts.friction,
+        grasp.contacts.links,
+        strict=True,
+    ):
+        assert np.allclose(xyz(contact.position), p_object + rotate(q_object, position), atol=1e-12)
+        assert np.allclose(xyz(contact.normal_inward), rotate(q_object, normal), atol=1e-12)
+        assert contact.friction == mu
+        assert contact.link == HAND.link_names[link]
+    headers = [
+        message.palm_pose.header,
+        message.pre_grasp_palm_pose.header,
+        message.grasp.header,
+        message.pre_grasp.header,
+        message.approach_direction.header,
+    ]
+    for header in headers:
+        assert (header.frame_id, header.stamp.sec, header.stamp.nanosec) == ("camera", 12, 34)
+    assert list(message.grasp.name) == list(HAND.joint_names)
+    assert np.array_equal(message.grasp.position, grasp.joints)
+    assert np.array_equal(message.pre_grasp.position, grasp.pregrasp_joints)
+    assert (message.epsilon, message.volume) == (0.1, 0.02)
+    assert (message.mesh_id, message.mesh_hash) == ("mug", "abc")

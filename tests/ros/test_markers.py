@@ -1,0 +1,59 @@
+"""Markers show the hand where the kinematics put it, and the contacts where they are."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from geometry_msgs.msg import Point, Vector3
+from visualization_msgs.msg import Marker
+
+from gpis_grasp_msgs.msg import Contact, Grasp
+from gpis_grasp_planner.hand.description import load_hand, urdf_text
+from gpis_grasp_planner.ros.markers import NORMAL_LENGTH_M, GraspMarkers
+
+HAND = load_hand()
+
+
+def grasp() -> Grasp:
+    message = Grasp()
+    message.palm_pose.header.frame_id = "map"
+    message.palm_pose.pose.position.z = 1.0
+    message.grasp.name = list(HAND.joint_names)
+    message.grasp.position = [0.0] * 8
+    message.contacts = [
+        Contact(
+            link="bh_palm_link",
+            position=Point(x=0.1, y=0.2, z=0.3),
+            normal_inward=Vector3(x=0.0, y=0.0, z=1.0),
+            friction=0.6,
+        )
+    ]
+    return message
+
+
+def test_every_visual_mesh_of_the_urdf_is_shown_once() -> None:
+    urdf = urdf_text(HAND)
+    markers = GraspMarkers(HAND, urdf).array(grasp()).markers
+    assert markers[0].action == Marker.DELETEALL
+    hand = [m for m in markers if m.ns == "hand"]
+    in_urdf = [m.get("filename") for m in ET.fromstring(urdf).iterfind("link/visual/geometry/mesh")]
+    assert sorted(m.mesh_resource for m in hand) == sorted(in_urdf)
+    assert all(m.header.frame_id == "map" for m in markers)
+    assert len({(m.ns, m.id) for m in markers[1:]}) == len(markers) - 1
+    # Palm pieces lie in the palm frame; F1's inner joint is 33.9 mm above the knuckle's frame.
+    palm = [m for m in hand if "palm_" in m.mesh_resource]
+    assert len(palm) == 3
+    assert all(np.isclose(m.pose.position.z, 1.0) for m in palm)
+    inner = [m for m in hand if "inner_link" in m.mesh_resource]
+    assert np.allclose([m.pose.position.z for m in inner], 1.0 + 0.0754)
+
+
+def test_the_arrow_ends_at_the_contact_and_points_inward() -> None:
+    markers = GraspMarkers(HAND, urdf_text(HAND)).array(grasp()).markers
+    [sphere] = [m for m in markers if m.ns == "contacts"]
+    [arrow] = [m for m in markers if m.ns == "normals_inward"]
+    assert sphere.pose.position == Point(x=0.1, y=0.2, z=0.3)
+    tail, head = arrow.points
+    assert head == sphere.pose.position
+    assert np.isclose(head.z - tail.z, NORMAL_LENGTH_M)

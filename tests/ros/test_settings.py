@@ -1,0 +1,40 @@
+"""The node's own settings."""
+
+from __future__ import annotations
+
+import pytest
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.planning.planners import PLANNERS
+from gpis_grasp_planner.ros.settings import PLANNER_NAMES, READ_ONLY, NodeSettings
+from gpis_grasp_planner.settings import describe
+
+
+def test_the_planners_names_are_those_of_the_planner() -> None:
+    assert tuple(PLANNERS) == PLANNER_NAMES
+
+
+def test_read_only_parameters_exist() -> None:
+    assert {info.name for info in describe(NodeSettings)} >= READ_ONLY
+
+
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [
+        ({"default_time_budget_s": 50.0, "max_time_budget_s": 20.0}, "max_time_budget_s"),
+        ({"friction_finger": 0.5}, "friction_palm"),
+        ({"friction_finger": 0.001, "friction_palm": 0.5}, "0.01"),
+        ({"mesh_directories": ("",)}, "mesh_directories"),
+        ({"default_planner": "fastest"}, "hpp"),
+    ],
+)
+def test_contradictions_are_refused(values: dict[str, object], word: str) -> None:
+    with pytest.raises(RequestError, match=word):
+        NodeSettings(**values)  # type: ignore[arg-type]
+
+
+def test_friction() -> None:
+    assert NodeSettings().friction is None
+    both = NodeSettings(friction_finger=0.4, friction_palm=0.8)
+    assert both.friction == Friction(finger=0.4, palm=0.8)
