@@ -1,16 +1,149 @@
-"""Compare planners on many objects and seeds."""
+"""Compare planners on many objects and seeds; write tables, plots and a report."""
 
 from __future__ import annotations
 
 import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpis_grasp_planner.cli import options
+from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.benchmark.runs import Run
+    from gpis_grasp_planner.benchmark.store import RunStore
+    from gpis_grasp_planner.geometry.part import Part
+
+ORIGINAL = "graspit"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of x"""
+    """Add the options of 'benchmark'."""
+    parser.add_argument("mesh", metavar="MESH", nargs="*", help="IDs; default: the whole catalogue")
+    parser.add_argument(
+        "--objects",
+        "--meshes",
+        dest="meshes",
+        metavar="DIR",
+        action="append",
+        type=Path,
+        help="directory of meshes, repeatable; default: the shipped parts",
+    )
+    parser.add_argument(
+        "--facts",
+        metavar="FILE.yaml",
+        help="mass, centre of mass and friction by mesh ID, where no YAML file lies beside the "
+        f"mesh; '{ORIGINAL}': those of the original simulator's five objects",
+    )
+    parser.add_argument(
+        "--planners", metavar="A,B", default="dual", help="names, or 'all'; default: dual"
+    )
+    parser.add_argument("--seeds", type=int, default=5, metavar="N", help="seeds 0 to N-1; 5")
+    parser.add_argument("--time", type=float, default=20.0, metavar="S", help="per run; 20")
+    parser.add_argument(
+        "--evaluations", type=int, metavar="N", help="equal evaluations instead of equal time"
+    )
+    parser.add_argument(
+        "--friction",
+        type=float,
+        nargs=2,
+        metavar=("FINGER", "PALM"),
+        help="for all objects; default: the object's, else 0.6",
+    )
+    parser.add_argument("--grasps", type=int, default=20, metavar="N", help="grasps per run; 20")
+    parser.add_argument("--cores", type=int, default=1, metavar="N", help="runs at a time; 1")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("out/benchmark"),
+        metavar="DIR",
+        help="results; what is finished there is not made again (out/benchmark)",
+    )
+    parser.add_argument("--no-pictures", action="store_true", help="plots only, no pictures")
+    options.add_settings(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Not there yet."""
-    from gpis_grasp_planner.errors import RequestError
+    """Make the missing runs, then write the results of all."""
+    from gpis_grasp_planner.benchmark.execution import run_all
+    from gpis_grasp_planner.benchmark.store import RunStore
+    from gpis_grasp_planner.cli import output
 
-    raise RequestError("The benchmark is not part of this version yet.")
+    parts, runs = _plan_of_work(arguments)
+    store = RunStore(arguments.out)
+    done = sum(store.has(r) for r in runs)
+    if done:
+        output.note(f"{done} of {len(runs)} runs are in {arguments.out} already")
+    try:
+        with output.count_progress("benchmark", len(runs) - done) as show:
+            faults = run_all(runs, parts, store, arguments.cores, lambda made, _: show(made.name))
+    except KeyboardInterrupt:
+        output.note(f"stopped; the same command goes on with what {arguments.out} lacks")
+        raise
+    for fault in faults:
+        output.note(f"gpis-grasp: error: {fault}")
+    _write(arguments, store, runs, parts)
+    return ERROR if faults else SUCCESS
+
+
+def _plan_of_work(arguments: argparse.Namespace) -> tuple[dict[str, Part], list[Run]]:
+    from gpis_grasp_planner.benchmark import objects, reference
+    from gpis_grasp_planner.benchmark.runs import Run, object_hash
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.geometry.part import Friction
+    from gpis_grasp_planner.planning.planners import PLANNERS, check_planner
+    from gpis_grasp_planner.planning.request import DEFAULT_FRICTION
+
+    for name in ("seeds", "cores"):
+        if getattr(arguments, name) < 1:
+            raise RequestError(f"--{name} is {getattr(arguments, name)}; give at least 1.")
+    settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
+    facts = None
+    if arguments.facts is not None:
+        original = arguments.facts == ORIGINAL
+        facts = reference.object_facts() if original else objects.read_facts(Path(arguments.facts))
+    catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
+    parts = objects.load_objects(catalogue, arguments.mesh, facts)
+    planners = list(PLANNERS) if arguments.planners == "all" else arguments.planners.split(",")
+    asked = Friction(*arguments.friction) if arguments.friction else None
+    runs = [
+        Run(
+            object_id=mesh_id,
+            object_hash=object_hash(part),
+            planner=check_planner(planner.strip()),
+            seed=seed,
+            time_budget_s=arguments.time,
+            max_evaluations=arguments.evaluations,
+            n_grasps=arguments.grasps,
+            friction=asked or part.friction or DEFAULT_FRICTION,
+            settings=settings.as_dict(),
+        )
+        for mesh_id, part in parts.items()
+        for planner in planners
+        for seed in range(arguments.seeds)
+    ]
+    for one in runs:
+        one.request()  # refuses what is out of range before the first run, not in it
+    return parts, runs
+
+
+def _write(
+    arguments: argparse.Namespace, store: RunStore, runs: list[Run], parts: dict[str, Part]
+) -> None:
+    from gpis_grasp_planner.benchmark.illustrations import illustrate
+    from gpis_grasp_planner.benchmark.report import report
+    from gpis_grasp_planner.benchmark.tables import summarise
+    from gpis_grasp_planner.cli import output
+
+    records = store.select(runs)
+    if not records:
+        return
+    store.write_results(records)
+    pictures = illustrate(store, records, parts, pictures=not arguments.no_pictures)
+    command = "gpis-grasp " + shlex.join(sys.argv[1:] or ["benchmark"])
+    path = arguments.out / "report.md"
+    path.write_text(report(records, command, pictures), encoding="utf-8")
+    output.console().print(output.summary_table(summarise(records)))
+    output.console().print(f"report: {path}")

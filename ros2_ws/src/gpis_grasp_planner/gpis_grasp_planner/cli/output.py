@@ -9,13 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rich.table import Table
 
+    from gpis_grasp_planner.benchmark.tables import Summary
     from gpis_grasp_planner.planning.grasp import Grasp
     from gpis_grasp_planner.planning.request import PlanResult
     from gpis_grasp_planner.planning.request import Progress as PlanProgress
@@ -78,6 +85,45 @@ def plan_progress() -> Iterator[Callable[[PlanProgress], None]]:
             )
 
         yield show
+
+
+@contextmanager
+def count_progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """Show a bar over `total` things, moved on by the name of each; silent without a terminal."""
+    screen = console(stderr=True)
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[last]}"),
+    )
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
+        task = bar.add_task("", total=total, last="")
+        yield lambda name: bar.update(task, advance=1, last=name)
+
+
+def summary_table(summaries: Sequence[Summary]) -> Table:
+    """One row per object and planner of a benchmark."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in (
+        "object", "planner", "best epsilon", "its volume", "mean epsilon", "mean volume",
+        "grasps", "evaluations/s",
+    ):  # fmt: skip
+        table.add_column(heading, no_wrap=True)
+    for s in summaries:
+        figures = (s.best_epsilon, s.best_volume, s.mean_epsilon, s.mean_volume)
+        table.add_row(
+            s.object_id,
+            s.planner,
+            *(f"{estimate.mean:.4f}" for estimate in figures),
+            f"{s.found.mean:.1f}",
+            f"{s.evaluations_per_s.mean:.0f}",
+        )
+    return table
 
 
 def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
