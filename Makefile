@@ -32,7 +32,9 @@ format: setup  ## Format the sources and mend what ruff can mend
 	@$(RUN) ruff check --fix . ; ruff format .
 
 benchmark: setup  ## List the benchmarks, with the command of each
-	@echo "Benchmarks, each a program of its own (--help lists its options):"
+	@echo "Planners on many objects and seeds, with tables, plots and a report:"
+	@echo "  .venv/bin/gpis-grasp benchmark --help"
+	@echo "Parts of the planner and the node, each a program of its own (--help lists its options):"
 	@for file in tests/benchmarks/*.py; do \
 		[ -e "$$file" ] || continue; \
 		echo "  source scripts/env.sh && python $$file"; \
