@@ -12,7 +12,9 @@ _SQRT_2PI = float(np.sqrt(2.0 * np.pi))
 _LOG_SQRT_2PI = float(np.log(_SQRT_2PI))
 
 
-def expected_improvement(mean: ArrayLike, std: ArrayLike, best: float, xi: float = 0.0) -> Array:
+def expected_improvement(
+    mean: ArrayLike, std: ArrayLike, best: ArrayLike, xi: float = 0.0
+) -> Array:
     """Expected improvement of a maximisation, as printed in the paper.
 
     EI = 1(sigma) ((mu - best - xi) Phi(Z) + sigma phi(Z)), Z = 1(sigma) (mu - best - xi) / sigma,
@@ -22,8 +24,8 @@ def expected_improvement(mean: ArrayLike, std: ArrayLike, best: float, xi: float
     ----------
     mean, std : (n,) array_like
         Posterior mean and standard deviation.
-    best : float
-        Best observation so far.
+    best : float or (n,) array_like
+        Best observation so far; where it differs over the domain, what each point has to beat.
     xi : float
         Margin in the units of `mean`; larger explores more.
 
@@ -33,14 +35,14 @@ def expected_improvement(mean: ArrayLike, std: ArrayLike, best: float, xi: float
     """
     mean, std = np.asarray(mean, dtype=float), np.asarray(std, dtype=float)
     known = std <= 0.0
-    gain = mean - best - xi
+    gain = mean - np.asarray(best, dtype=float) - xi
     z = np.where(known, 0.0, gain / np.where(known, 1.0, std))
     density = np.exp(-0.5 * z * z) / _SQRT_2PI
     return np.where(known, 0.0, np.maximum(gain * ndtr(z) + std * density, 0.0))
 
 
 def log_expected_improvement(
-    mean: ArrayLike, std: ArrayLike, best: float, xi: float = 0.0
+    mean: ArrayLike, std: ArrayLike, best: ArrayLike, xi: float = 0.0
 ) -> Array:
     """Logarithm of the expected improvement, exact where the improvement itself underflows.
 
@@ -50,7 +52,7 @@ def log_expected_improvement(
     mean, std = np.asarray(mean, dtype=float), np.asarray(std, dtype=float)
     known = std <= 0.0
     safe = np.where(known, 1.0, std)
-    z = (mean - best - xi) / safe
+    z = (mean - np.asarray(best, dtype=float) - xi) / safe
     return np.where(known, -np.inf, np.log(safe) + _log_h(z))
 
 

@@ -86,6 +86,9 @@ class BayesianOptimiser:
         (n, dim) -> (n,), a cheap term of the objective that need not be learnt (an ADMM
         penalty): the model learns what is told, the sum is maximised. May be exchanged at any
         time through the attribute of that name.
+    to_beat : callable, optional
+        (n, dim) -> (n,), what an observation at each point has to exceed to be an improvement.
+        Default: the best observation, everywhere. For a search that collects several optima.
     """
 
     def __init__(
@@ -97,12 +100,14 @@ class BayesianOptimiser:
         search_settings: AcquisitionSearchSettings | None = None,
         seed: int | np.random.Generator = 0,
         known_term: Callable[[Array], Array] | None = None,
+        to_beat: Callable[[Array], Array] | None = None,
     ):
         self.domain = domain
         self.settings = settings or BayesianSettings()
         self.search_settings = search_settings or AcquisitionSearchSettings()
         self.process = GaussianProcess(distance or domain.distance, process_settings)
         self.known_term = known_term
+        self.to_beat = to_beat
         self._rng = np.random.default_rng(seed)
         self._initial = domain.sample(self.settings.n_initial, self._rng)
         self._n_initial_asked = 0
@@ -218,6 +223,9 @@ class BayesianOptimiser:
                 self._next_refit = n * self.settings.refit_growth
         self._window, self._n_in_process = pool, n
 
+    def _to_beat(self, X: Array, best: float) -> Array:
+        return np.full(len(X), best) if self.to_beat is None else self.to_beat(X)
+
     def _ask_model(self, k: int) -> list[Array]:
         self._update_process()
         objective = self.objective
@@ -227,7 +235,7 @@ class BayesianOptimiser:
 
         def acquisition(X: Array) -> Array:
             mean, std = self.process.predict(self.domain.features(X))
-            return log_expected_improvement(mean + self._known(X), std, best, xi)
+            return log_expected_improvement(mean + self._known(X), std, self._to_beat(X, best), xi)
 
         if k == 1:
             x, _ = maximise_acquisition(
@@ -240,7 +248,7 @@ class BayesianOptimiser:
             mean = posterior.mean + self._known(X)
             chosen: list[int] = []
             taken = np.zeros(len(X), dtype=bool)
-            believed = best
+            believed = self._to_beat(X, best)
             for _ in range(k):
                 score = log_expected_improvement(mean, posterior.std, believed, xi)
                 score[taken] = -np.inf
@@ -248,7 +256,8 @@ class BayesianOptimiser:
                 chosen.append(index)
                 taken |= np.all(np.equal(X, X[index]), axis=1)
                 posterior.believe(index)
-                believed = max(believed, float(mean[index]))
+                if self.to_beat is None:
+                    believed = np.maximum(believed, mean[index])
             return np.asarray(chosen)
 
         # Spread starts, climb from all of them at once, and choose again among both: two starts

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,8 @@ class Attempts:
         -1 without force closure. May be an upper bound (`fast_epsilon`).
     volume : (B,) array
         Estimate of the wrench space's volume.
+    start_joints : (B, J) array [rad] or None
+        Postures from which the fingers closed; None where they were open.
     """
 
     T_object_palm: Array
@@ -63,6 +65,7 @@ class Attempts:
     links: NDArray[np.int64]
     epsilon: Array
     volume: Array
+    start_joints: Array | None = None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -130,4 +133,31 @@ class GraspEvaluator(Protocol):
         Poses (B, 4, 4) at lambda = 0, normals (B, 3), spreads (B,) [rad], extra distances (B,)
         [m] to go back; returns the moved poses and which of them are free (B,).
         """
+        ...
+
+
+@runtime_checkable
+class PostureEvaluator(GraspEvaluator, Protocol):
+    """An evaluator that also takes whole postures: what the annealing planners need."""
+
+    @property
+    def n_states(self) -> int:
+        """States whose guided potential was asked for so far."""
+        ...
+
+    def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]."""
+        ...
+
+    def approach(
+        self, T_object_palm: Array, joints: Array, reach: float
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Move free hands (B, 4, 4), (B, J) along the palm's axis until they touch, at most reach.
+
+        Returns the poses (B, 4, 4) and whether the palm touches there (B,).
+        """
+        ...
+
+    def guided_potential(self, T_object_palm: Array, joints: Array) -> Array:
+        """Guided potential quality energies (B,) of states; inf where the hand collides."""
         ...

@@ -52,9 +52,12 @@ def grasp_of(candidate: Candidate, context: PlanningContext) -> Grasp:
     )
     T_object_palm = attempts.T_object_palm[i].copy()
     pregrasp = np.zeros(context.hand.n_joints)
-    for finger in context.hand.fingers:
-        if finger.spread_joint >= 0:
-            pregrasp[finger.spread_joint] = attempts.spread[i]
+    if attempts.start_joints is not None:
+        pregrasp[:] = attempts.start_joints[i]
+    else:
+        for finger in context.hand.fingers:
+            if finger.spread_joint >= 0:
+                pregrasp[finger.spread_joint] = attempts.spread[i]
     return Grasp(
         T_object_palm=T_object_palm,
         joints=attempts.joints[i].copy(),

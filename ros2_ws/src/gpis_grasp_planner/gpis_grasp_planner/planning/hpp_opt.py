@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.optimise.bayesian import BayesianOptimiser, BayesianSettings
+from gpis_grasp_planner.optimise.gaussian_process import GaussianProcessSettings
 from gpis_grasp_planner.planning.evaluator import Attempts
 from gpis_grasp_planner.planning.local_adaption import LocalAdaption
-from gpis_grasp_planner.planning.search_space import PalmSearchSpace, features_of_poses
+from gpis_grasp_planner.planning.search_space import PalmSearchSpace
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:
@@ -53,6 +54,30 @@ class HppSettings(SettingsGroup):
     max_observations: int = setting(
         200, low=10, high=5000, description="Observations that the model holds at once."
     )
+    noise_std_max: float = setting(
+        0.7,
+        low=1e-4,
+        high=10.0,
+        description="Upper bound of the model's noise, in standard deviations of the objective: "
+        "the seeds of the local adaption make it noisy.",
+    )
+    improvement: str = setting(
+        "list",
+        choices=("list", "best"),
+        description="What expected improvement is over: the list of distinct grasps, or (the "
+        "paper's form) the best observation.",
+    )
+    model_sees: str = setting(
+        "adapted",
+        choices=("adapted", "proposed"),
+        description="Pose by which the model knows a proposal: where the local adaption takes "
+        "it, or (the paper's form) as proposed.",
+    )
+    model_posture: bool = setting(
+        True,
+        description="The model also proposes spread and standoff; without (the paper's form) "
+        "the seeds of the local adaption draw them.",
+    )
     volume_weight: float = setting(
         0.5, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
     )
@@ -70,7 +95,7 @@ class Proposals:
 
     Attributes
     ----------
-    X : (k, 6) array
+    X : (k, 6 or 8) array
         Search coordinates that were proposed.
     attempts : Attempts
         Of all seeds of all proposals.
@@ -80,6 +105,8 @@ class Proposals:
         Objective of the best attempts, 0 where there is none.
     T_object_face : (k, 4, 4) array
         Pose of the palm's face of the best attempt, or of the proposal.
+    posture : (k, 0 or 2) array
+        Spread [rad] and standoff [m] of the same, where the model knows them.
     """
 
     X: Array
@@ -87,6 +114,7 @@ class Proposals:
     best: NDArray[np.int64]
     values: Array
     T_object_face: Array
+    posture: Array
 
 
 class PalmPoseOptimiser:
@@ -101,8 +129,14 @@ class PalmPoseOptimiser:
     def __init__(self, context: PlanningContext):
         self._context = context
         self.settings = context.settings.hpp
-        self.space = PalmSearchSpace(context.part.mesh.bounds, self.settings.palm_clearance_m)
         self.adaption = LocalAdaption.of(context)
+        adapted = self.settings.model_sees == "adapted"
+        self.space = PalmSearchSpace(
+            context.part.mesh.bounds,
+            self.settings.palm_clearance_m,
+            self.adaption.destination if adapted else None,
+            self._posture_upper() if self.settings.model_posture else None,
+        )
         self.iterations = 0
         self._optimiser = BayesianOptimiser(
             self.space.domain,
@@ -111,6 +145,8 @@ class PalmPoseOptimiser:
                 xi=self.settings.xi,
                 max_observations=self.settings.max_observations,
             ),
+            process_settings=GaussianProcessSettings(noise_std_max=self.settings.noise_std_max),
+            to_beat=self._to_beat if self.settings.improvement == "list" else None,
             seed=context.rng.spawn(1)[0],
         )
 
@@ -128,7 +164,11 @@ class PalmPoseOptimiser:
         left = self.settings.n_initial + self.settings.n_iter - self.iterations
         X = self._optimiser.ask_batch(max(1, min(batch, left)))
         T_object_face = self.space.poses(X)
-        attempts, owner = self.adaption(T_object_face, self._context.rng)
+        posture = X[:, 6:].copy()
+        adapted = self.adaption(
+            T_object_face, self._context.rng, posture if posture.shape[1] else None
+        )
+        attempts, owner = adapted.attempts, adapted.proposal
         self._context.archive.add(attempts)
         objective = attempts.objective(self.settings.volume_weight)
         best = np.full(len(X), -1)
@@ -139,11 +179,27 @@ class PalmPoseOptimiser:
         values = np.where(best >= 0, objective[best] if len(objective) else 0.0, 0.0)
         found = best >= 0
         T_object_face[found] = attempts.T_object_palm[best[found]] @ self.adaption.T_palm_face
+        if posture.shape[1]:
+            posture[found, 0] = attempts.spread[best[found]]
+            posture[found, 1] = adapted.standoff[best[found]]
         self.iterations += len(X)
-        return Proposals(X, attempts, best, values, T_object_face)
+        return Proposals(X, attempts, best, values, T_object_face, posture)
 
     def tell(self, proposals: Proposals) -> None:
         """Lines 9 and 10: tell the values at the poses where they were found."""
         self._optimiser.tell(
-            proposals.X, proposals.values, features=features_of_poses(proposals.T_object_face)
+            proposals.X,
+            proposals.values,
+            features=self.space.features_of(proposals.T_object_face, proposals.posture),
         )
+
+    def _posture_upper(self) -> Array:
+        s = self.adaption.settings
+        return np.array([np.deg2rad(s.spread_max_deg), s.standoff_max_m])
+
+    def _to_beat(self, X: Array) -> Array:
+        """What a grasp near each proposal has to beat to enter the list of distinct grasps."""
+        T = self.space.poses(X)
+        if self.settings.model_sees == "adapted":
+            T = self.adaption.destination(T)
+        return self._context.archive.to_beat(T, self.adaption.T_palm_face)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
@@ -57,9 +58,46 @@ class AdaptionSettings(SettingsGroup):
     standoff_share: float = setting(
         0.6, low=0.0, high=1.0, description="Share of the seeds that go back at all."
     )
+    vary_spread_deg: float = setting(
+        12.0,
+        low=0.0,
+        high=180.0,
+        description="Seeds vary the spread by this where the model proposes one.",
+    )
+    vary_standoff_m: float = setting(
+        0.008,
+        low=0.0,
+        high=0.3,
+        description="Seeds vary the standoff by this where the model proposes one.",
+    )
+    free_share: float = setting(
+        0.6,
+        low=0.0,
+        high=1.0,
+        description="Share of the seeds that draw spread and standoff freely all the same.",
+    )
     spread_max_deg: float = setting(
         180.0, low=0.0, high=180.0, description="Largest spread that seeds draw."
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Adapted:
+    """What the local adaption made of a batch of proposals.
+
+    Attributes
+    ----------
+    attempts : Attempts
+        Of all seeds whose hand came free.
+    proposal : (B,) int array
+        Which proposal each attempt belongs to.
+    standoff : (B,) array [m]
+        How far each hand stands back from where its palm would touch.
+    """
+
+    attempts: Attempts
+    proposal: NDArray[np.int64]
+    standoff: Array
 
 
 class LocalAdaption:
@@ -103,16 +141,17 @@ class LocalAdaption:
         )
 
     def __call__(
-        self, T_object_face: Array, rng: np.random.Generator
-    ) -> tuple[Attempts, NDArray[np.int64]]:
-        """Adapt proposals (k, 4, 4) of the palm's face.
+        self, T_object_face: Array, rng: np.random.Generator, posture: Array | None = None
+    ) -> Adapted:
+        """Adapt proposals (k, 4, 4) of the palm's face, all seeds at once.
 
-        Returns
-        -------
-        attempts : Attempts
-            Of all seeds whose hand came free.
-        proposal : (B,) int array
-            Which proposal each attempt belongs to.
+        Parameters
+        ----------
+        T_object_face : (k, 4, 4) array
+        rng : numpy Generator
+        posture : (k, 2) array, optional
+            Spread [rad] and standoff [m] of each proposal; its seeds vary about them. Without
+            it every seed draws its own.
         """
         n_seed = self.settings.n_seed
         index, _ = self.atlas.nearest(T_object_face[:, :3, 3])
@@ -131,13 +170,27 @@ class LocalAdaption:
             owner.append(np.full(n_seed, k))
         if not poses:
             empty = np.zeros((0, 4, 4))
-            return self.evaluator.attempt(empty, np.zeros(0)), np.zeros(0, dtype=np.int64)
+            attempts = self.evaluator.attempt(empty, np.zeros(0))
+            return Adapted(attempts, np.zeros(0, dtype=np.int64), np.zeros(0))
         proposal = np.concatenate(owner)
-        spread, standoff = self._posture(len(proposal), rng)
+        if posture is None:
+            spread, standoff = self._posture(len(proposal), rng)
+        else:
+            spread, standoff = self._posture_near(posture[proposal], rng)
         T, free = self.evaluator.clear_palm(
             np.concatenate(poses), np.concatenate(normals), spread, standoff
         )
-        return self.evaluator.attempt(T[free], spread[free]), proposal[free]
+        attempts = self.evaluator.attempt(T[free], spread[free])
+        return Adapted(attempts, proposal[free], standoff[free])
+
+    def destination(self, T_object_face: Array) -> Array:
+        """Where proposals (n, 4, 4) are taken: on the nearest surface point, against its normal.
+
+        The pose of the palm's face at lambda = 0 of the first seed; cheap (some us each).
+        """
+        index, points = self.atlas.nearest(T_object_face[:, :3, 3])
+        normals = self.atlas.surface.normals_outward[index]
+        return transform(palm_against(T_object_face[:, :3, :3], normals), points)
 
     def _posture(self, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
         s = self.settings
@@ -149,25 +202,39 @@ class LocalAdaption:
         standoff = np.where(
             rng.random(n) < s.standoff_share, rng.uniform(0.0, s.standoff_max_m, n), 0.0
         )
-        standoff[:: s.n_seed] = 0.0
+        standoff[_first_of(n, s.n_seed)] = 0.0
+        return spread, standoff
+
+    def _posture_near(self, posture: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        s = self.settings
+        n = len(posture)
+        vary = ~_first_of(n, s.n_seed)
+        step = np.array([np.deg2rad(s.vary_spread_deg), s.vary_standoff_m])
+        posture = posture + vary[:, None] * step * rng.standard_normal((n, 2))
+        free = vary & (rng.random(n) < s.free_share)
+        posture[free] = np.stack(self._posture(n, rng), axis=1)[free]
+        limit = [np.deg2rad(s.spread_max_deg), s.standoff_max_m]
+        spread, standoff = np.clip(posture, 0.0, limit).T
         return spread, standoff
 
 
+def _first_of(n: int, n_seed: int) -> NDArray[np.bool_]:
+    """Which of n rows are the first seed of their proposal."""
+    return np.asarray(np.arange(n) % n_seed == 0)
+
+
 def palm_against(R: Array, normal_outward: Array) -> Array:
-    """Turn a rotation (3, 3) by the smallest angle so that its z axis is ``-normal_outward``."""
-    z = R[:, 2]
-    target = -normal_outward
+    """Turn rotations (..., 3, 3) by the smallest angle so that their z is ``-normal_outward``."""
+    z = R[..., :, 2]
+    target = -np.asarray(normal_outward)
     axis = np.cross(z, target)
-    sine = np.linalg.norm(axis)
-    angle = np.arctan2(sine, z @ target)
-    if sine < 1e-12:
-        if z @ target > 0.0:
-            return np.asarray(R)
-        axis, sine = R[:, 0], 1.0
-        angle = np.pi
-    x, y, w = axis / sine
-    K = np.array([[0.0, -w, y], [w, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray((np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)) @ R)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    cosine = np.sum(z * target, axis=-1, keepdims=True)
+    # Opposite directions leave the axis open; the palm's x does.
+    parallel = sine < 1e-12
+    axis = np.where(parallel, R[..., :, 0], axis / np.where(parallel, 1.0, sine))
+    turn = Rotation.from_rotvec((axis * np.arctan2(sine, cosine)).reshape(-1, 3)).as_matrix()
+    return np.asarray(turn.reshape(R.shape) @ R)
 
 
 def _disc(n: int, radius: float, rng: np.random.Generator) -> Array:

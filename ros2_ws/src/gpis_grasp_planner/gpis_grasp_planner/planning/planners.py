@@ -10,6 +10,9 @@ from gpis_grasp_planner.planning.dual import DualOptimiser
 from gpis_grasp_planner.planning.hpp_opt import PalmPoseOptimiser
 from gpis_grasp_planner.planning.paper_dual import PaperDualOptimiser
 from gpis_grasp_planner.planning.random_search import RandomPalms, RandomWithAdaption
+from gpis_grasp_planner.planning.rivals.auto_grasp import AutoGraspAnnealing
+from gpis_grasp_planner.planning.rivals.eigengrasp import EigenGraspAnnealing
+from gpis_grasp_planner.planning.rivals.two_level import TwoLevelAnnealing
 
 PLANNERS: dict[str, Callable[[PlanningContext], Search]] = {
     "dual": DualOptimiser,
@@ -17,6 +20,9 @@ PLANNERS: dict[str, Callable[[PlanningContext], Search]] = {
     "paper": PaperDualOptimiser,
     "random": RandomPalms,
     "random-adaption": RandomWithAdaption,
+    "annealing": AutoGraspAnnealing,
+    "eigengrasp": EigenGraspAnnealing,
+    "eigengrasp-two-level": TwoLevelAnnealing,
 }
 
 

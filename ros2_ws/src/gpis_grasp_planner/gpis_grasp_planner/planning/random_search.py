@@ -53,5 +53,4 @@ class RandomWithAdaption:
         """Adapt a batch of random proposals."""
         c = self._context
         X = self._space.domain.sample(c.settings.hpp.batch, c.rng)
-        attempts, _ = self._adaption(self._space.poses(X), c.rng)
-        c.archive.add(attempts)
+        c.archive.add(self._adaption(self._space.poses(X), c.rng).attempts)

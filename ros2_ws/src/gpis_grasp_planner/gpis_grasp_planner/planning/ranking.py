@@ -82,6 +82,7 @@ class GraspArchive:
         self.capacity = capacity
         self._candidates: list[Candidate] = []
         self.best_attempt: Candidate | None = None
+        self._list: list[Candidate] | None = None
 
     def __len__(self) -> int:
         return len(self._candidates)
@@ -93,6 +94,7 @@ class GraspArchive:
 
     def add(self, attempts: Attempts) -> None:
         """Take the force-closure grasps among attempts; remember the best of the others."""
+        self._list = None
         objective = attempts.objective(self.volume_weight)
         grasped = attempts.status == AttemptStatus.GRASPED
         for i in np.flatnonzero(grasped & (attempts.epsilon > 0.0)):
@@ -107,6 +109,35 @@ class GraspArchive:
     def best(self, n: int, apart: float = DISTINCT) -> list[Candidate]:
         """The `n` best that are `apart` from each other, best first."""
         return self._ranked(n, apart)
+
+    def to_beat(self, T_object_face: Array, T_palm_face: Array, n: int = 20) -> Array:
+        """What a grasp at each pose of the palm's face (k, 4, 4) must exceed to enter the list.
+
+        The list is the `n` best distinct grasps. A grasp within the distance rule of a listed one
+        can only replace it; elsewhere it has to beat the last.
+
+        Returns
+        -------
+        (k,) array
+            0 while the list is not full, away from the listed.
+        """
+        listed = self._listed(n)
+        last = listed[-1].objective if len(listed) >= n else 0.0
+        threshold = np.full(len(T_object_face), last)
+        if listed:
+            T = np.stack([c.T_object_palm for c in listed]) @ T_palm_face
+            near = (
+                pose_difference(T_object_face[:, None], T[None], self.max_radius) < DISTINCT
+            )
+            objective = np.array([c.objective for c in listed])
+            threshold = np.maximum(threshold, np.where(near, objective, 0.0).max(axis=1))
+        return threshold
+
+    def _listed(self, n: int) -> list[Candidate]:
+        """`best(n)`, computed anew only after something was added."""
+        if self._list is None or len(self._list) > n:
+            self._list = self._ranked(n, DISTINCT)
+        return self._list
 
     def _ranked(self, n: int, apart: float) -> list[Candidate]:
         if not self._candidates:

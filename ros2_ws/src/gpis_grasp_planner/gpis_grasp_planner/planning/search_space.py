@@ -12,23 +12,29 @@ coordinates, phi and psi in [0, pi], theta in [0, 2 pi).
 The paper calls both pairs of angles theta and phi, though their ranges differ (theta_e in
 [0, pi], phi_e in [0, 2 pi) on the ellipsoid); the suffix e keeps them apart. What lies at t is the
 middle of the palm's face, not the palm frame's origin in the flange 79 mm behind it.
+
+Two more coordinates may follow, the spread of the fingers [rad] and the standoff [m]: how far the
+palm goes back from where it would touch. The paper leaves both to AutoGrasp and the ladder; but
+they decide as much about a grasp as the palm's pose, and left to chance they are noise to the
+model.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.optimise.distances import PoseDistance, pose_features
+from gpis_grasp_planner.optimise.distances import EuclideanDistance, pose_features
 from gpis_grasp_planner.optimise.domain import BoxDomain
 
 Array = NDArray[np.float64]
 
-_LOWER = np.zeros(6)
-_UPPER = np.array([np.pi, 2.0 * np.pi, 1.0, np.pi, np.pi, 2.0 * np.pi])
-_PERIODIC = np.array([False, True, False, False, False, True])
+_PALM_UPPER = [np.pi, 2.0 * np.pi, 1.0, np.pi, np.pi, 2.0 * np.pi]
+_PALM_PERIODIC = [False, True, False, False, False, True]
 
 
 def quat_from_hyperspherical(angles: Array) -> Array:
@@ -51,7 +57,8 @@ def hyperspherical_from_quat(quat_xyzw: Array) -> Array:
     phi = np.arctan2(np.sqrt(x * x + y * y + z * z), w)
     psi = np.arctan2(np.hypot(y, z), x)
     theta = np.mod(np.arctan2(z, y), 2.0 * np.pi)
-    return np.stack([phi, psi, theta], axis=-1)
+    # A tiny negative angle is rounded to the full circle itself.
+    return np.stack([phi, psi, np.where(theta < 2.0 * np.pi, theta, 0.0)], axis=-1)
 
 
 class PalmSearchSpace:
@@ -63,21 +70,42 @@ class PalmSearchSpace:
         The object's axis-aligned box.
     clearance_m : float
         How far the outer box is beyond the object's on every side.
+    adapt : callable, optional
+        (n, 4, 4) -> (n, 4, 4), where a local adaption will move proposals. The model then sees
+        the adapted pose: two proposals that end at one place are one point to it.
+    posture_upper : (2,) array_like, optional
+        Largest spread [rad] and standoff [m]. Given, they are coordinates 7 and 8.
     """
 
-    def __init__(self, bounds: Array, clearance_m: float):
+    def __init__(
+        self,
+        bounds: Array,
+        clearance_m: float,
+        adapt: Callable[[Array], Array] | None = None,
+        posture_upper: ArrayLike | None = None,
+    ):
+        self._adapt = adapt
         lower, upper = np.asarray(bounds, dtype=float)
         self.center = 0.5 * (lower + upper)
         # A sheet has no extent along its normal; the ellipsoid needs one.
         self.inner_axes = np.maximum(0.5 * (upper - lower), 1e-3)
         self.outer_axes = self.inner_axes + clearance_m
         diagonal = float(np.linalg.norm(upper - lower))
-        self.distance = PoseDistance(
-            translation_bounds=(0.05 * diagonal, diagonal + clearance_m),
-            rotation_bounds=(0.2, 3.0),
-        )
+        scale_bounds = [(0.05 * diagonal, diagonal + clearance_m), (0.2, 3.0)]
+        groups = [0] * 3 + [1] * 9
+        upper_corner = list(_PALM_UPPER)
+        if posture_upper is not None:
+            spread, standoff = (max(float(x), 1e-6) for x in np.asarray(posture_upper))
+            scale_bounds += [(0.1 * spread, 3.0 * spread), (0.1 * standoff, 3.0 * standoff)]
+            groups += [2, 3]
+            upper_corner += [spread, standoff]
+        n = len(upper_corner)
         self.domain = BoxDomain(
-            _LOWER, _UPPER, _PERIODIC, features=self._features, distance=self.distance
+            np.zeros(n),
+            upper_corner,
+            (_PALM_PERIODIC + [False, False])[:n],
+            features=self._features,
+            distance=EuclideanDistance(groups, np.array(scale_bounds)),
         )
 
     def positions(self, X: Array) -> Array:
@@ -99,13 +127,18 @@ class PalmSearchSpace:
     def poses(self, X: Array) -> Array:
         """Poses of the palm's face (n, 4, 4) in the object's frame."""
         X = np.atleast_2d(X)
-        R = Rotation.from_quat(quat_from_hyperspherical(X[:, 3:])).as_matrix()
+        R = Rotation.from_quat(quat_from_hyperspherical(X[:, 3:6])).as_matrix()
         return transform(R, self.positions(X))
 
     def _features(self, X: Array) -> Array:
-        return pose_features(self.positions(X), quat_from_hyperspherical(X[:, 3:]))
+        return self.features_of(self.poses(X), X[:, 6:])
 
+    def features_of(self, T_object_face: Array, posture: Array) -> Array:
+        """Model features (n, 12 or 14) of poses of the palm's face (n, 4, 4) and postures.
 
-def features_of_poses(T: Array) -> Array:
-    """Model features (n, 12) of poses (n, 4, 4): where a local adaption ended."""
-    return pose_features(T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat())
+        `posture` (n, 0 or 2) are spread [rad] and standoff [m].
+        """
+        T = T_object_face if self._adapt is None else self._adapt(T_object_face)
+        pose = pose_features(T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat())
+        return np.hstack([pose, posture])
+

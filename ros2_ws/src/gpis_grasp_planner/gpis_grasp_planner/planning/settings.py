@@ -12,6 +12,7 @@ from gpis_grasp_planner.planning.contact_refinement import RefinementSettings
 from gpis_grasp_planner.planning.dual import DualSettings
 from gpis_grasp_planner.planning.hpp_opt import HppSettings
 from gpis_grasp_planner.planning.local_adaption import AdaptionSettings
+from gpis_grasp_planner.planning.rivals.settings import RivalSettings
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.settings import SettingsGroup
 from gpis_grasp_planner.surface.settings import SurfaceSettings
@@ -28,6 +29,7 @@ class PlannerSettings:
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     dual: DualSettings = field(default_factory=DualSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
+    rivals: RivalSettings = field(default_factory=RivalSettings)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Values by group and name, ready for JSON."""
