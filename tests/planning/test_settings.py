@@ -69,5 +69,5 @@ def test_unknown_groups_and_names_list_the_known():
     assert str(error.value) == (
         f"Unknown group of settings hpq; known are {', '.join(setting_groups())}."
     )
-    with pytest.raises(RequestError, match="Unknown setting n_seeds; known are .*n_seed"):
+    with pytest.raises(RequestError, match=r"Unknown setting n_seeds; known are .*n_seed"):
         PlannerSettings.from_mapping({"adaption": {"n_seeds": 3}})

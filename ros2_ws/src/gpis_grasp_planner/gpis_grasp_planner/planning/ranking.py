@@ -104,7 +104,11 @@ class GraspArchive:
             if grasped[index] and (best is None or objective[index] > best.objective):
                 self.best_attempt = Candidate(attempts, index, float(objective[index]))
         if len(self._candidates) > 3 * self.capacity:
+            # The largest epsilon may be a neighbour of a grasp with a better objective.
+            tightest = max(self._candidates, key=lambda c: c.epsilon)
             self._candidates = self._ranked(self.capacity, 0.5 * DISTINCT)
+            if tightest not in self._candidates:
+                self._candidates.append(tightest)
 
     def best(self, n: int, apart: float = DISTINCT) -> list[Candidate]:
         """The `n` best that are `apart` from each other, best first."""
