@@ -19,6 +19,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import gpis_grasp_planner
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PlanningError, SystemFault
 from gpis_grasp_planner.ros.planned import (
     Plan,
@@ -29,9 +30,10 @@ from gpis_grasp_planner.ros.planned import (
     WorkerReady,
 )
 
-PACKAGE_PARENT = Path(__file__).resolve().parents[2]
+PACKAGE_PARENT = Path(gpis_grasp_planner.__file__).parents[1]
 POLL_S = 0.05
-START_LIMIT_S = 90.0
+# Imports and warm-up take 4 s, or a minute and more where nothing is compiled yet.
+START_LIMIT_S = 300.0
 ACCEPT_LIMIT_S = 5.0
 # One that cannot start shall not keep a core busy with attempts.
 REVIVAL_PERIOD_S = 10.0
@@ -65,10 +67,17 @@ class PlanningProcess:
 
     @property
     def ready(self) -> bool:
-        """Whether the worker has imported everything. Known only after a plan or a poll."""
-        with self._lock:
-            self._read_ready()
-            return self._ready and self.pid is not None
+        """Whether the worker has imported everything and takes orders."""
+        if self._planning.acquire(blocking=False):  # a plan reads the connection itself
+            try:
+                connection = self._connection
+                if not self._ready and connection is not None and connection.poll():
+                    self._ready = isinstance(connection.recv(), WorkerReady)
+            except (EOFError, OSError):
+                self._ready = False
+            finally:
+                self._planning.release()
+        return self._ready and self.pid is not None
 
     @property
     def busy(self) -> bool:
@@ -173,15 +182,6 @@ class PlanningProcess:
             if self._closed or self._connection is None:
                 raise _shutting_down()
             return self._connection
-
-    def _read_ready(self) -> None:
-        if self._ready or self._connection is None or self._planning.locked():
-            return
-        try:
-            if self._connection.poll():
-                self._ready = isinstance(self._connection.recv(), WorkerReady)
-        except (EOFError, OSError):
-            self._ready = False
 
     def _wait_ready(self, connection: Connection) -> None:
         if not self._ready:

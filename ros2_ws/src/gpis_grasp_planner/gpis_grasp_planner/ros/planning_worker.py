@@ -26,6 +26,9 @@ from gpis_grasp_planner.ros.planned import (
     WorkerProgress,
     WorkerReady,
 )
+from gpis_grasp_planner.scene.warm_up import warm_up
+
+WARM_UP_PLANNER = "hpp"
 
 
 class Planner:
@@ -97,6 +100,15 @@ def _light(result: PlanResult, elapsed_s: float) -> Plan:
     )
 
 
+def _warm_up() -> None:
+    """Load the compiled code (2 s) before an order's clock runs; cold, it takes a minute."""
+    try:
+        warm_up([WARM_UP_PLANNER])
+    except Exception:
+        # An order will fail in the same way, and be answered with the reason.
+        traceback.print_exc()
+
+
 def _receive(connection: Connection, orders: queue.SimpleQueue[PlanOrder]) -> None:
     """Take orders; end the process, also in the middle of a plan, when the node is gone."""
     try:
@@ -111,6 +123,7 @@ def main() -> None:
     connection = Connection(int(sys.argv[1]))
     orders: queue.SimpleQueue[PlanOrder] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, orders), daemon=True).start()
+    _warm_up()
     connection.send(WorkerReady())
 
     def report(progress: Progress) -> None:
