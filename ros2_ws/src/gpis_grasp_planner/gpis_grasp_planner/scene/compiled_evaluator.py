@@ -7,6 +7,8 @@ to 1 ms an attempt on one core.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,11 +17,18 @@ from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.evaluator import Attempts, Postures
-from gpis_grasp_planner.quality.fast_epsilon import start_directions
-from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
-from gpis_grasp_planner.scene.grasp_kernel import MAX_CONTACTS, attempt_many, clear_many
-from gpis_grasp_planner.scene.motor_posture import postures_many
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
+from gpis_grasp_planner.quality.fast_epsilon import start_directions
+from gpis_grasp_planner.scene.approach import approach_many
+from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
+from gpis_grasp_planner.scene.grasp_kernel import (
+    MAX_CONTACTS,
+    attempt_many,
+    attempt_many_from,
+    clear_many,
+)
+from gpis_grasp_planner.scene.guided_potential import potential_many
+from gpis_grasp_planner.scene.motor_posture import postures_many
 
 Array = NDArray[np.float64]
 
@@ -29,7 +38,7 @@ _STARTS_OF_GOOD = 20
 
 
 class CompiledEvaluator:
-    """Implements `planning.evaluator.GraspEvaluator`.
+    """Implements `planning.evaluator.PostureEvaluator`.
 
     Parameters
     ----------
@@ -59,6 +68,7 @@ class CompiledEvaluator:
         self._object = object_arrays(part, friction, self.field, self.tree)
         self._directions = start_directions(_DIRECTIONS)
         self._n_attempts = 0
+        self._n_states = 0
 
     @property
     def friction(self) -> Friction:
@@ -70,47 +80,18 @@ class CompiledEvaluator:
         """Grasp attempts so far."""
         return self._n_attempts
 
+    @property
+    def n_states(self) -> int:
+        """States whose guided potential was asked for so far."""
+        return self._n_states
+
     def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
         T = np.ascontiguousarray(T_object_palm, dtype=float)
         spread = np.ascontiguousarray(spread, dtype=float)
-        n = len(T)
-        result = Attempts(
-            T_object_palm=T,
-            spread=spread,
-            status=np.zeros(n, dtype=np.int64),
-            joints=np.zeros((n, self.hand.n_joints)),
-            n_contacts=np.zeros(n, dtype=np.int64),
-            positions=np.zeros((n, MAX_CONTACTS, 3)),
-            normals_inward=np.zeros((n, MAX_CONTACTS, 3)),
-            friction=np.zeros((n, MAX_CONTACTS)),
-            links=np.zeros((n, MAX_CONTACTS), dtype=np.int64),
-            epsilon=np.full(n, -1.0),
-            volume=np.zeros(n),
-        )
-        attempt_many(
-            self._hand,
-            self._object,
-            T,
-            spread,
-            self.settings.closing_gap_m,
-            self.settings.contact_threshold_m,
-            self.settings.cone_edges,
-            self.settings.retreat_m,
-            self._directions,
-            _STARTS,
-            _STARTS_OF_GOOD,
-            result.status,
-            result.n_contacts,
-            result.epsilon,
-            result.volume,
-            result.joints,
-            result.positions,
-            result.normals_inward,
-            result.friction,
-            result.links,
-        )
-        self._n_attempts += n
+        result = self._attempts(T, spread)
+        attempt_many(self._hand, self._object, T, spread, *self._measures(result))
+        self._n_attempts += len(T)
         return result
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
@@ -153,3 +134,86 @@ class CompiledEvaluator:
             free,
         )
         return T, free
+
+    def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]; see the protocol."""
+        T = np.ascontiguousarray(T_object_palm, dtype=float)
+        start = np.ascontiguousarray(joints, dtype=float)
+        result = self._attempts(T, start[:, self._hand.spread_joints].mean(axis=1), start)
+        attempt_many_from(self._hand, self._object, T, start, True, *self._measures(result))
+        self._n_attempts += len(T)
+        return result
+
+    def approach(
+        self, T_object_palm: Array, joints: Array, reach: float
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Move free hands along the palm's axis until they touch; see the protocol."""
+        T = np.array(T_object_palm, dtype=float)
+        palm_touches = np.zeros(len(T), dtype=np.bool_)
+        approach_many(
+            self._hand,
+            self._object,
+            T,
+            np.ascontiguousarray(joints, dtype=float),
+            float(reach),
+            self.settings.closing_gap_m,
+            self.settings.contact_threshold_m,
+            palm_touches,
+        )
+        return T, palm_touches
+
+    def guided_potential(self, T_object_palm: Array, joints: Array) -> Array:
+        """Guided potential quality energies (B,), inf where the hand collides."""
+        energy = np.empty(len(T_object_palm))
+        wanted = self.hand.desired_contacts
+        potential_many(
+            self._hand,
+            self._object,
+            np.ascontiguousarray(T_object_palm, dtype=float),
+            np.ascontiguousarray(joints, dtype=float),
+            wanted.links,
+            wanted.points,
+            wanted.normals,
+            energy,
+        )
+        self._n_states += len(energy)
+        return energy
+
+    def _attempts(self, T: Array, spread: Array, start: Array | None = None) -> Attempts:
+        """Arrays for the kernel to fill."""
+        n = len(T)
+        return Attempts(
+            T_object_palm=T,
+            spread=spread,
+            status=np.zeros(n, dtype=np.int64),
+            joints=np.zeros((n, self.hand.n_joints)),
+            n_contacts=np.zeros(n, dtype=np.int64),
+            positions=np.zeros((n, MAX_CONTACTS, 3)),
+            normals_inward=np.zeros((n, MAX_CONTACTS, 3)),
+            friction=np.zeros((n, MAX_CONTACTS)),
+            links=np.zeros((n, MAX_CONTACTS), dtype=np.int64),
+            epsilon=np.full(n, -1.0),
+            volume=np.zeros(n),
+            start_joints=start,
+        )
+
+    def _measures(self, result: Attempts) -> tuple[Any, ...]:
+        """The kernel's arguments after hand, object, poses and postures."""
+        return (
+            self.settings.closing_gap_m,
+            self.settings.contact_threshold_m,
+            self.settings.cone_edges,
+            self.settings.retreat_m,
+            self._directions,
+            _STARTS,
+            _STARTS_OF_GOOD,
+            result.status,
+            result.n_contacts,
+            result.epsilon,
+            result.volume,
+            result.joints,
+            result.positions,
+            result.normals_inward,
+            result.friction,
+            result.links,
+        )

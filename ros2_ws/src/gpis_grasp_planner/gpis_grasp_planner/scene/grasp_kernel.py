@@ -8,6 +8,7 @@ from numba import njit
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
 from gpis_grasp_planner.scene.closing import close_hand
+from gpis_grasp_planner.scene.free_hand import hand_meets_itself
 from gpis_grasp_planner.scene.palm import clear_palm, hand_gap, retreat_is_free
 from gpis_grasp_planner.scene.posture import place_hand
 from gpis_grasp_planner.scene.touch import collect_contacts
@@ -56,17 +57,21 @@ def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type:
 
 
 @njit(cache=True, nogil=True)
-def attempt(
-    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
-    joints, positions, normals, friction, links, R, t, work, other, wrenches,
-):  # type: ignore[no-untyped-def]
-    """Close the hand at palm pose T and measure. Returns (status, contacts, epsilon, volume)."""
-    joints[:] = 0.0
-    for k in range(hand.spread_joints.shape[0]):
-        joints[hand.spread_joints[k]] = spread
+def attempt_from(
+    hand, obj, T, start, check_start, gap, threshold, edges, retreat, directions, n_starts,
+    n_starts_good, joints, positions, normals, friction, links, R, t, work, other, wrenches,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Close the hand from posture `start` at palm pose T and measure.
+
+    With `check_start` the fingers must not meet each other in it, either. Returns (status,
+    contacts, epsilon, volume).
+    """
+    joints[:] = start
     place_hand(hand, joints, T, R, t)
     if hand_gap(hand, obj, R, t, threshold, work) <= 0.0:
         return PALM_COLLISION, 0, -1.0, 0.0
+    if check_start and hand_meets_itself(hand, R, t, work, other):
+        return SELF_COLLISION, 0, -1.0, 0.0
     touching = close_hand(hand, obj, joints, gap, R, t, work, other)
     if touching < 0:
         return SELF_COLLISION, 0, -1.0, 0.0
@@ -83,12 +88,9 @@ def attempt(
     if epsilon > _GOOD:
         # The upper bound is what ranks, so that the overestimated would collect at the top.
         epsilon = fast_epsilon(W, directions, n_starts_good)
-    if epsilon > 0.0 and retreat > 0.0:
-        opened = np.zeros(hand.n_joints)
-        for i in range(hand.spread_joints.shape[0]):
-            opened[hand.spread_joints[i]] = spread
-        if not retreat_is_free(hand, obj, T, opened, retreat, 6, R, t, work):
-            return NO_WAY_BACK, k, -1.0, 0.0
+    goes_back = epsilon > 0.0 and retreat > 0.0
+    if goes_back and not retreat_is_free(hand, obj, T, start, retreat, 6, R, t, work):
+        return NO_WAY_BACK, k, -1.0, 0.0
     return GRASPED, k, epsilon, volume_estimate(W, k)
 
 
@@ -96,8 +98,24 @@ def attempt(
 def attempt_many(
     hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
     status, count, epsilon, volume, joints, positions, normals, friction, links,
-):  # type: ignore[no-untyped-def]
-    """`attempt` for every row; the arrays are filled."""
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """`attempt_from` for every row, with open fingers; the arrays are filled."""
+    start = np.zeros((T.shape[0], hand.n_joints))
+    for b in range(T.shape[0]):
+        for k in range(hand.spread_joints.shape[0]):
+            start[b, hand.spread_joints[k]] = spread[b]
+    attempt_many_from(
+        hand, obj, T, start, False, gap, threshold, edges, retreat, directions, n_starts,
+        n_starts_good, status, count, epsilon, volume, joints, positions, normals, friction, links,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def attempt_many_from(
+    hand, obj, T, start, check_start, gap, threshold, edges, retreat, directions, n_starts,
+    n_starts_good, status, count, epsilon, volume, joints, positions, normals, friction, links,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """`attempt_from` for every row; the arrays are filled."""
     n_links = hand.parent.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
@@ -105,9 +123,10 @@ def attempt_many(
     other = np.empty((512, 3))
     wrenches = np.empty((MAX_CONTACTS * edges, 6))
     for b in range(T.shape[0]):
-        status[b], count[b], epsilon[b], volume[b] = attempt(
-            hand, obj, T[b], spread[b], gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
-            joints[b], positions[b], normals[b], friction[b], links[b], R, t, work, other, wrenches,
+        status[b], count[b], epsilon[b], volume[b] = attempt_from(
+            hand, obj, T[b], start[b], check_start, gap, threshold, edges, retreat, directions,
+            n_starts, n_starts_good, joints[b], positions[b], normals[b], friction[b], links[b],
+            R, t, work, other, wrenches,
         )  # fmt: skip
 
 
