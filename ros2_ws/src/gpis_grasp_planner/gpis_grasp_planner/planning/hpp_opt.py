@@ -199,7 +199,7 @@ class PalmPoseOptimiser:
 
     def _to_beat(self, X: Array) -> Array:
         """What a grasp near each proposal has to beat to enter the list of distinct grasps."""
-        T = self.space.poses(X)
-        if self.settings.model_sees == "adapted":
-            T = self.adaption.destination(T)
-        return self._context.archive.to_beat(T, self.adaption.T_palm_face)
+        place = self.adaption.destination
+        return self._context.archive.to_beat(
+            place(self.space.poses(X)), lambda T: place(T @ self.adaption.T_palm_face)
+        )

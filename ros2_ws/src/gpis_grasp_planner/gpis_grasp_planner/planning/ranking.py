@@ -7,6 +7,7 @@ least 0.2, the rule by which the original simulator keeps its list of 20; otherw
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,11 +115,22 @@ class GraspArchive:
         """The `n` best that are `apart` from each other, best first."""
         return self._ranked(n, apart)
 
-    def to_beat(self, T_object_face: Array, T_palm_face: Array, n: int = 20) -> Array:
-        """What a grasp at each pose of the palm's face (k, 4, 4) must exceed to enter the list.
+    def to_beat(
+        self, T_place: Array, place_of: Callable[[Array], Array], n: int = 20
+    ) -> Array:
+        """What a grasp at each place (k, 4, 4) must exceed to enter the list.
 
         The list is the `n` best distinct grasps. A grasp within the distance rule of a listed one
         can only replace it; elsewhere it has to beat the last.
+
+        Parameters
+        ----------
+        T_place : (k, 4, 4) array
+            Poses that stand for the places; not palm poses, since a proposal's standoff is open.
+        place_of : callable
+            (m, 4, 4) palm poses -> (m, 4, 4) their places.
+        n : int
+            Length of the list.
 
         Returns
         -------
@@ -127,12 +139,10 @@ class GraspArchive:
         """
         listed = self._listed(n)
         last = listed[-1].objective if len(listed) >= n else 0.0
-        threshold = np.full(len(T_object_face), last)
+        threshold = np.full(len(T_place), last)
         if listed:
-            T = np.stack([c.T_object_palm for c in listed]) @ T_palm_face
-            near = (
-                pose_difference(T_object_face[:, None], T[None], self.max_radius) < DISTINCT
-            )
+            T = place_of(np.stack([c.T_object_palm for c in listed]))
+            near = pose_difference(T_place[:, None], T[None], self.max_radius) < DISTINCT
             objective = np.array([c.objective for c in listed])
             threshold = np.maximum(threshold, np.where(near, objective, 0.0).max(axis=1))
         return threshold
