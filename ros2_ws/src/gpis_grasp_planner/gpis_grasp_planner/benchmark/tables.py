@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
 CONFIDENCE = 0.95
@@ -116,7 +117,7 @@ def mean_over_objects(summaries: Sequence[Summary], planner: str, quality: str) 
     return float(np.mean(values)) if values else math.nan
 
 
-def best_epsilon_at(record: Record, times: Sequence[float]) -> list[float]:
+def best_epsilon_at(record: Record, times: Sequence[float] | NDArray[np.float64]) -> list[float]:
     """Best epsilon known at each of `times` [s], 0 before the first grasp."""
     known = np.array([[0.0, 0.0], *([t, e] for t, _, e in record["convergence"])])
     index = np.searchsorted(known[:, 0], times, side="right") - 1
