@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from gpis_grasp_msgs.srv import PlanGrasp
+
+with warnings.catch_warnings():
+    # The generator's parser, which rclpy loads with the first message type, uses sre_parse.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401
 
 READY_S = 90.0  # a bound on a hang, not a measurement: machines that run tests may be busy
 ANSWER_S = 120.0

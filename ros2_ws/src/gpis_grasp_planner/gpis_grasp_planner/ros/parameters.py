@@ -122,6 +122,8 @@ def _descriptor(name: str, info: SettingInfo) -> ParameterDescriptor:
         type=TYPES[info.type],
         description=info.description,
         read_only=name in READ_ONLY,
+        # rclpy takes an empty list for bytes, and would refuse strings later.
+        dynamic_typing=info.type is tuple,
     )
     if info.choices is not None:
         descriptor.additional_constraints = f"one of {info.range_text()}"
