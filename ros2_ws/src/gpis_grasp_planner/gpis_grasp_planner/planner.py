@@ -15,22 +15,26 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.distance_field import DistanceField
-from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.planning.context import PlanningContext
+from gpis_grasp_planner.planning.evaluator import GraspEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists, grasp_of
+from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.planners import check_planner, make_search
 from gpis_grasp_planner.planning.ranking import GraspArchive
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult, Progress
 from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 from gpis_grasp_planner.surface.implicit_surface import fit_part
 
 _KEPT_OBJECTS = 4
 _PROGRESS_INTERVAL_S = 0.1
-_SECONDS_PER_FINALIST = 0.06
+_SECONDS_PER_FINALIST = 0.07
+_SECONDS_AFTER_CANCEL = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +91,8 @@ class GraspPlanner:
         on_progress : callable, optional
             Called with a Progress about ten times a second.
         should_stop : callable, optional
-            Asked between steps (10 to 100 ms); True ends the plan with code CANCELLED.
+            Asked between steps (10 to 100 ms); True ends the plan with code CANCELLED and the
+            grasps whose exact quality is known within 0.2 s more.
 
         Returns
         -------
@@ -105,9 +110,31 @@ class GraspPlanner:
         friction = request.friction_for(part.friction)
         prepared = self.prepare(part)
         scene = self.settings.scene
-        evaluator = CompiledEvaluator(
+        if scene.search_evaluator == "bullet":
+            bullet = BulletEvaluator(
+                self.hand, part, friction, scene, prepared.field, prepared.tree
+            )
+            with bullet:
+                return self._plan(
+                    part, request, prepared, bullet, start, on_progress, should_stop
+                )
+        compiled = CompiledEvaluator(
             self.hand, part, friction, scene, prepared.field, prepared.tree
         )
+        return self._plan(part, request, prepared, compiled, start, on_progress, should_stop)
+
+    def _plan(
+        self,
+        part: Part,
+        request: PlanRequest,
+        prepared: PreparedObject,
+        evaluator: GraspEvaluator,
+        start: float,
+        on_progress: Callable[[Progress], None] | None,
+        should_stop: Callable[[], bool] | None,
+    ) -> PlanResult:
+        scene = self.settings.scene
+        friction = evaluator.friction
         archive = GraspArchive(part.max_radius, self.settings.hpp.volume_weight)
         context = PlanningContext(
             part=part,
@@ -126,8 +153,6 @@ class GraspPlanner:
         next_progress = start
         while not search.finished:
             now = time.monotonic()
-            if archive.best_epsilon > (convergence[-1][2] if convergence else 0.0):
-                convergence.append((now - start, evaluator.n_attempts, archive.best_epsilon))
             if on_progress is not None and now >= next_progress:
                 next_progress = now + _PROGRESS_INTERVAL_S
                 on_progress(
@@ -143,11 +168,19 @@ class GraspPlanner:
                 cancelled = True
                 break
             limit = request.max_evaluations
-            if now >= search_end or (limit is not None and evaluator.n_attempts >= limit):
+            # One step is always taken: a budget shorter than the preparation still tries.
+            late = now >= search_end and evaluator.n_attempts > 0
+            if late or (limit is not None and evaluator.n_attempts >= limit):
                 break
             search.step()
+            if archive.best_epsilon > (convergence[-1][2] if convergence else 0.0):
+                elapsed = time.monotonic() - start
+                convergence.append((elapsed, evaluator.n_attempts, archive.best_epsilon))
         deadline = None if request.max_evaluations else start + request.time_budget_s
+        if cancelled:
+            deadline = time.monotonic() + _SECONDS_AFTER_CANCEL
         grasps = choose_finalists(context, request.n_grasps, deadline)
+        grasps, notes = self._confirmed(part, friction, prepared, grasps)
         best = archive.best_attempt
         code, message = _verdict(part, evaluator.n_attempts, len(grasps), cancelled)
         return PlanResult(
@@ -170,9 +203,31 @@ class GraspPlanner:
             settings=self.settings.as_dict(),
             elapsed_s=time.monotonic() - start,
             evaluations=evaluator.n_attempts,
-            notes=part.notes,
+            notes=part.notes + notes,
             convergence=tuple(convergence),
         )
+
+    def _confirmed(
+        self,
+        part: Part,
+        friction: Friction,
+        prepared: PreparedObject,
+        grasps: tuple[Grasp, ...],
+    ) -> tuple[tuple[Grasp, ...], tuple[str, ...]]:
+        """The grasps that PyBullet's scene agrees with, and a note that says how many."""
+        scene = self.settings.scene
+        if not scene.confirm or not grasps:
+            return grasps, ()
+        with BulletEvaluator(
+            self.hand, part, friction, scene, prepared.field, prepared.tree
+        ) as bullet:
+            seen = bullet.confirm(grasps)
+        kept = tuple(
+            grasp
+            for grasp, look in zip(grasps, seen, strict=True)
+            if look.contacts_confirmed and look.penetration_m <= scene.confirm_tolerance_m
+        )
+        return kept, (f"PyBullet's scene confirmed {len(kept)} of {len(grasps)} grasps.",)
 
 
 def _verdict(part: Part, attempts: int, n_grasps: int, cancelled: bool) -> tuple[ErrorCode, str]:

@@ -20,6 +20,24 @@ class SceneSettings(SettingsGroup):
     cone_edges: int = setting(
         8, low=3, high=32, description="Edges of the pyramid that replaces a friction cone."
     )
+    search_evaluator: str = setting(
+        "compiled",
+        choices=("compiled", "bullet"),
+        description="What closes the hand during the search: compiled code (about 1 ms a grasp) "
+        "or PyBullet (50 to 500 ms; for comparison).",
+    )
+    confirm: bool = setting(
+        True,
+        description="Look at the finalists in PyBullet's scene and drop those that penetrate or "
+        "miss a contact there.",
+    )
+    confirm_tolerance_m: float = setting(
+        5e-5,
+        low=0.0,
+        high=1e-3,
+        description="Penetration that counts as none in PyBullet's scene: its collision margin "
+        "and single precision.",
+    )
     field_cells: int = setting(
         96, low=24, high=256, description="Cells of the distance field along the longest side."
     )

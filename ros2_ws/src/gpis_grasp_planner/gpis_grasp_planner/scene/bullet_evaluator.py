@@ -16,7 +16,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import Finger, HandDescription
 from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.planning.grasp import Grasp
@@ -72,16 +74,24 @@ class BulletEvaluator:
     part : Part
     friction : Friction
     settings : SceneSettings
+    field, tree : DistanceField, TriangleTree, optional
+        Made from the mesh if not given.
     """
 
     def __init__(
-        self, hand: HandDescription, part: Part, friction: Friction, settings: SceneSettings
+        self,
+        hand: HandDescription,
+        part: Part,
+        friction: Friction,
+        settings: SceneSettings,
+        field: DistanceField | None = None,
+        tree: TriangleTree | None = None,
     ):
         self.hand = hand
         self.part = part
         self.friction = friction
         self.settings = settings
-        self.world = BulletWorld(hand, part.mesh)
+        self.world = BulletWorld(hand, part.mesh, field, tree)
         self._moving = [link for f in hand.fingers for link in (f.inner_link, f.distal_link)]
         self._fixed = [link for link in range(hand.n_links) if link not in self._moving]
         self._radius, self._inner_radius = _radii(hand)
