@@ -1,0 +1,78 @@
+"""Distances of moving convex pieces from bodies at rest, compiled.
+
+A piece that moves straight from one pose to another sweeps the hull of its vertices at both
+ends (exactly where it does not turn), and GJK needs no more of a hull than its vertices. So a
+sweep costs twice a pose, and there are no steps between which something thin could be missed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from gpis_grasp_planner.geometry.convex_distance import polytope_mesh
+from gpis_grasp_planner.geometry.gjk import polytope_distance
+
+
+@njit(cache=True, nogil=True)
+def _sweep(vertices, first, last, T_0, T_1, out):  # type: ignore[no-untyped-def]
+    """Vertices [first, last) of a piece at both poses, into out; returns how many."""
+    n = last - first
+    for i in range(n):
+        p = vertices[first + i]
+        for a in range(3):
+            out[i, a] = T_0[a, 3] + T_0[a, 0] * p[0] + T_0[a, 1] * p[1] + T_0[a, 2] * p[2]
+            out[n + i, a] = T_1[a, 3] + T_1[a, 0] * p[0] + T_1[a, 1] * p[1] + T_1[a, 2] * p[2]
+    return 2 * n
+
+
+@njit(cache=True, nogil=True)
+def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance):  # type: ignore[no-untyped-def]
+    """Distances of M sweeps from a solid convex polytope.
+
+    Parameters
+    ----------
+    vertices, start
+        Of `HandPieces`.
+    piece : (M,) int array
+    T_0, T_1 : (M, 4, 4) arrays
+        Poses of the pieces' links at both ends, in the frame of `other`.
+    limit : float [m]
+    other : (m, 3) array
+    distance : (M,) array, out
+        0 where they overlap; a lower bound where it is more than `limit`.
+    """
+    work = np.empty((2 * np.max(start[1:] - start[:-1]), 3))
+    direction = np.empty(3)
+    p = np.empty(3)
+    q = np.empty(3)
+    for k in range(piece.shape[0]):
+        first, last = start[piece[k]], start[piece[k] + 1]
+        n = _sweep(vertices, first, last, T_0[k], T_1[k], work)
+        for a in range(3):
+            direction[a] = np.mean(work[:n, a]) - np.mean(other[:, a])
+        distance[k] = polytope_distance(work[:n], other, limit, direction, p, q)
+
+
+@njit(cache=True, nogil=True)
+def sweeps_to_mesh(
+    vertices, start, piece, T_0, T_1, limit, triangles, lower, upper, child, distance
+):  # type: ignore[no-untyped-def]
+    """Distances of M sweeps from a mesh's surface, at most `limit`; see `sweeps_to_polytope`.
+
+    `triangles` to `child` are the arrays of the mesh's `TriangleTree`.
+    """
+    work = np.empty((2 * np.max(start[1:] - start[:-1]), 3))
+    R = np.eye(3)
+    t = np.zeros(3)
+    low = np.empty(3)
+    high = np.empty(3)
+    for k in range(piece.shape[0]):
+        first, last = start[piece[k]], start[piece[k] + 1]
+        n = _sweep(vertices, first, last, T_0[k], T_1[k], work)
+        for a in range(3):
+            low[a] = np.min(work[:n, a])
+            high[a] = np.max(work[:n, a])
+        distance[k] = polytope_mesh(
+            work[:n], R, t, low, high, limit, -1, triangles, lower, upper, child
+        )
