@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+
+
+def test_the_shipped_parts_are_listed(gpis_grasp) -> None:
+    answer = gpis_grasp("meshes")
+    assert answer.code == 0
+    catalogue = MeshCatalogue([default_catalogue_directory()])
+    for mesh_id in catalogue.ids():
+        [line] = [row for row in answer.out.splitlines() if row.split()[:1] == [mesh_id]]
+        assert f"{catalogue.load(mesh_id).mass:.3f}" in line
+    assert "size [mm]" in answer.out
+    assert "mass [kg]" in answer.out
+
+
+def test_a_bad_mesh_is_listed_with_its_fault(gpis_grasp, tmp_path: Path) -> None:
+    (tmp_path / "broken.stl").write_bytes(b"")
+    shipped = default_catalogue_directory()
+    (tmp_path / "good.stl").write_bytes((shipped / "mug.stl").read_bytes())
+    answer = gpis_grasp("meshes", "--meshes", tmp_path, "--set", "catalogue.default_unit=mm")
+    assert answer.code == 1
+    assert "MESH_EMPTY" in answer.out
+    assert "119 x 84 x 95" in answer.out

@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gpis_grasp_planner.cli.options import (
+    catalogue_of,
+    find_part,
+    friction_of,
+    read_settings,
+    setting_classes,
+)
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
+from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.planning.document import MeshSource
+from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.settings import describe
+
+
+def test_no_options_are_the_defaults() -> None:
+    settings, catalogue = read_settings(None, [])
+    assert settings == PlannerSettings()
+    assert catalogue.default_unit == "m"
+
+
+def test_every_setting_can_be_set_by_text() -> None:
+    """Its default as text gives its default, whatever the type."""
+    for group, settings in setting_classes().items():
+        for info in describe(settings):
+            text = ",".join(info.default) if info.type is tuple else str(info.default)
+            planner, catalogue = read_settings(None, [f"{group}.{info.name}={text}"])
+            holder = catalogue if group == "catalogue" else getattr(planner, group)
+            assert getattr(holder, info.name) == info.default
+
+
+def test_set_goes_over_the_file_and_both_over_the_defaults(tmp_path: Path) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text("hpp: {batch: 7, xi: 2e-2}\ncatalogue: {default_unit: mm}\n")
+    settings, catalogue = read_settings(file, ["hpp.batch=3", "scene.cone_edges = 12"])
+    assert (settings.hpp.batch, settings.hpp.xi, settings.scene.cone_edges) == (3, 0.02, 12)
+    assert catalogue.default_unit == "mm"
+    assert settings.adaption == PlannerSettings().adaption
+
+
+@pytest.mark.parametrize(
+    ("assignment", "word"),
+    [
+        ("batch=3", "group.name=value"),
+        ("hpp.batch", "group.name=value"),
+        ("hop.batch=3", "hpp"),
+        ("hpp.bunch=3", "batch"),
+        ("hpp.batch=many", "int"),
+        ("hpp.batch=1.5", "int"),
+        ("hpp.batch=0", r"\[1, 64\]"),
+        ("hpp.xi=nan", "finite"),
+        ("catalogue.default_unit=inch", "mm"),
+    ],
+)
+def test_a_bad_assignment_says_what_is_right(assignment: str, word: str) -> None:
+    with pytest.raises(RequestError, match=word) as caught:
+        read_settings(None, [assignment])
+    assert caught.value.code == ErrorCode.INVALID_SETTING
+
+
+@pytest.mark.parametrize("text", ["[1]", "hpp: 3", "{", "hpp: {batch: [1]}"])
+def test_a_bad_settings_file_is_refused(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text(text)
+    with pytest.raises(RequestError):
+        read_settings(file, [])
+
+
+def test_an_empty_settings_file_changes_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text("# nothing\n")
+    assert read_settings(file, [])[0] == PlannerSettings()
+
+
+def test_friction_of_all_links_and_of_the_palm() -> None:
+    own = Friction(0.3, 0.2)
+    assert friction_of(None, None, own) is None
+    assert friction_of(0.5, None, own) == Friction(0.5, 0.5)
+    assert friction_of(0.5, 0.1, own) == Friction(0.5, 0.1)
+    assert friction_of(None, 0.1, own) == Friction(0.3, 0.1)
+    assert friction_of(None, 0.1, None) == Friction(0.6, 0.1)
+
+
+def test_an_id_and_a_path_to_the_same_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    catalogue = catalogue_of(None)
+    by_id, nowhere = find_part("mug", None, catalogue)
+    assert nowhere is None
+    file = tmp_path / "cup.stl"
+    file.write_bytes((default_catalogue_directory() / "mug.stl").read_bytes())
+    by_path, source = find_part(str(file), "mm", catalogue)
+    assert source == MeshSource(str(file), "mm")
+    assert by_path.mesh_id == "cup"
+    assert by_path.mesh.content_hash == by_id.mesh.content_hash
+    monkeypatch.chdir(tmp_path)
+    here, source = find_part("cup.stl", "mm", catalogue)
+    assert source == MeshSource("cup.stl", "mm")
+    assert here.mesh.content_hash == by_id.mesh.content_hash
+
+
+@pytest.mark.parametrize(
+    ("mesh", "unit", "code"),
+    [
+        ("mugg", None, ErrorCode.UNKNOWN_MESH),
+        ("./nothing.stl", None, ErrorCode.MESH_UNREADABLE),
+        ("mug", "mm", ErrorCode.INVALID_SETTING),
+        ("../mug", None, ErrorCode.MESH_FORMAT_NOT_SUPPORTED),
+    ],
+)
+def test_a_mesh_that_is_not_there(mesh: str, unit: str | None, code: ErrorCode) -> None:
+    with pytest.raises(GraspPlannerError) as caught:
+        find_part(mesh, unit, catalogue_of(None))
+    assert caught.value.code == code

@@ -1,0 +1,138 @@
+"""'plan' and what reads its documents: 'render'."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
+
+QUICK = ("--planner", "random-adaption", "--evaluations", "192", "--grasps", "3")
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A document of a mesh outside the catalogue, planned with a picture."""
+    from gpis_grasp_planner.cli.main import main
+
+    folder = tmp_path_factory.mktemp("planned")
+    mesh = folder / "ball.stl"
+    mesh.write_bytes((default_catalogue_directory() / "sphere.stl").read_bytes())
+    arguments = ["plan", str(mesh), "--unit", "mm", "--friction", "0.8", *QUICK]
+    files = ["--json", str(folder / "grasps.json"), "--picture", str(folder / "best.png")]
+    assert main([*arguments, *files]) == 0
+    return folder / "grasps.json"
+
+
+def test_the_document_says_what_was_asked_for(planned: Path) -> None:
+    document = json.loads(planned.read_text())
+    assert document["status"] == "SUCCESS"
+    assert document["planner"] == "random-adaption"
+    assert document["friction"] == {"finger": 0.8, "palm": 0.8}
+    assert document["mesh_source"] == {"file": str(planned.with_name("ball.stl")), "unit": "mm"}
+    assert 1 <= len(document["grasps"]) <= 3
+    assert document["grasps"][0]["epsilon"] == max(g["epsilon"] for g in document["grasps"])
+    assert document["n_evaluations"] >= 192
+    assert all(c["friction"] == 0.8 for g in document["grasps"] for c in g["contacts"])
+
+
+def test_the_picture_is_one(planned: Path) -> None:
+    with Image.open(planned.with_name("best.png")) as image:
+        assert image.size == (1000, 750)
+        assert np.asarray(image).std() > 10.0
+
+
+def test_the_same_seed_gives_the_same_document(gpis_grasp, planned: Path) -> None:
+    again = planned.with_name("again.json")
+    mesh = planned.with_name("ball.stl")
+    answer = gpis_grasp("plan", mesh, "--unit", "mm", "--friction", 0.8, *QUICK, "--json", again)
+    assert answer.code == 0
+    assert f"{0:>3}" in answer.out
+    assert "192 grasps tried" in answer.out
+    first, second = (json.loads(path.read_text()) for path in (planned, again))
+    assert first["grasps"] == second["grasps"]
+    best = first["grasps"][0]["epsilon"]
+    assert f"{best:.4f}" in answer.out
+
+
+def test_json_on_stdout_is_alone_there(gpis_grasp) -> None:
+    answer = gpis_grasp("plan", "sphere", *QUICK, "--json", "-")
+    assert answer.code == 0
+    document = json.loads(answer.out)
+    assert document["mesh_source"] is None
+    assert document["mesh_id"] == "sphere"
+    assert document["friction"] == {"finger": 0.4, "palm": 0.3}
+
+
+def test_no_grasp_is_3_and_the_document_is_written(gpis_grasp, tmp_path: Path) -> None:
+    file = tmp_path / "none.json"
+    answer = gpis_grasp("plan", "sphere", *QUICK, "--friction", 0.01, "--json", file)
+    assert answer.code == 3
+    assert "NO_FEASIBLE_GRASP: No grasp with force closure of 'sphere'" in answer.err
+    assert json.loads(file.read_text())["grasps"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("plan", "mugg"), "Nearest known IDs: mug"),
+        (("plan", "mug", "--planner", "best"), "Unknown planner 'best'"),
+        (("plan", "mug", "--time", "0"), "time budget"),
+        (("plan", "mug", "--grasps", "0"), "number of grasps"),
+        (("plan", "mug", "--friction", "-1"), "friction of the finger"),
+        (("plan", "mug", "--seed", "-1"), "seed"),
+        (("plan", "mug", "--evaluations", "0"), "limit of evaluations"),
+        (("plan", "mug", "--set", "hpp.batch=0"), "batch"),
+        (("plan", "mug", "--settings", "nowhere.yaml"), "nowhere.yaml: No such file"),
+        (("plan", "mug", "--json", "nowhere/a.json"), "needs the directory nowhere"),
+        (("plan", "mug", "--picture", "."), "is a directory"),
+        (("plan", "mug", "--meshes", "nowhere"), "'nowhere' does not exist"),
+    ],
+)
+def test_bad_requests_are_1_with_a_reason(gpis_grasp, arguments: tuple, word: str) -> None:
+    answer = gpis_grasp(*arguments)
+    assert answer.code == 1
+    assert answer.out == ""
+    [line] = answer.err.splitlines()
+    assert line.startswith("gpis-grasp: error: ")
+    assert word in line
+
+
+def test_render_draws_each_grasp(gpis_grasp, planned: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "grasp.png"
+    assert gpis_grasp("render", planned, "--picture", picture).code == 0
+    with Image.open(picture) as image, Image.open(planned.with_name("best.png")) as best:
+        np.testing.assert_array_equal(np.asarray(image), np.asarray(best))
+
+
+def test_render_finds_the_mesh_beside_a_moved_document(
+    gpis_grasp, planned: Path, tmp_path: Path
+) -> None:
+    document = json.loads(planned.read_text())
+    document["mesh_source"]["file"] = "somewhere/else/ball.stl"
+    (tmp_path / "moved.json").write_text(json.dumps(document))
+    arguments = ("render", tmp_path / "moved.json", "--picture", tmp_path / "p.png")
+    answer = gpis_grasp(*arguments)
+    assert answer.code == 1
+    assert "ball.stl" in answer.err
+    (tmp_path / "ball.stl").write_bytes(planned.with_name("ball.stl").read_bytes())
+    assert gpis_grasp(*arguments).code == 0
+
+
+@pytest.mark.parametrize(
+    ("extra", "word"),
+    [
+        (("--index", 99), "Grasp 99 is not in"),
+        (("--index", -1), "Grasp -1 is not in"),
+        (("--mesh", "mug"), "the document was made for"),
+    ],
+)
+def test_render_refuses(gpis_grasp, planned: Path, tmp_path: Path, extra: tuple, word: str) -> None:
+    answer = gpis_grasp("render", planned, "--picture", tmp_path / "p.png", *extra)
+    assert answer.code == 1
+    assert word in answer.err
+    assert not (tmp_path / "p.png").exists()
