@@ -101,7 +101,7 @@ stage dependencies "$(key requirements/*.lock)" dependencies
 stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource} \
     "$planner"/gpis_grasp_planner/hand/models)" workspace
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
-# Numba keeps compiled functions beside their modules, each valid until its module changes.
+# Numba keeps compiled functions in a folder for this very state of the sources.
 if [ -f "$planner/gpis_grasp_planner/scene/warm_up.py" ]; then
     stage warm_up "$(find "$planner" -name '*.py' -exec grep -l numba {} + | xargs sha256sum | sha256sum)" \
         warm_up

@@ -15,7 +15,7 @@ MAX_LINES = 400
 
 # Bottom first; a module imports from its own folder and from the levels below it.
 LEVELS = (
-    {"errors"},
+    {"errors", "compiled_cache"},
     {"settings"},
     {"geometry"},
     {"surface", "hand"},

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from gpis_grasp_planner.compiled_cache import remove_stale_caches
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
@@ -106,6 +107,7 @@ def main() -> int:
         sys.stdout.flush()
 
     say("compiling what is not yet on disk (up to a minute, once)")
+    remove_stale_caches()
     n_grasps = warm_up(say=say)
     say(f"done, {n_grasps} grasps of a box")
     return 0 if n_grasps else 1
