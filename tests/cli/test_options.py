@@ -8,6 +8,7 @@ from gpis_grasp_planner.cli.options import (
     catalogue_of,
     find_part,
     friction_of,
+    read_groups,
     read_settings,
     setting_classes,
 )
@@ -30,9 +31,9 @@ def test_every_setting_can_be_set_by_text() -> None:
     for group, settings in setting_classes().items():
         for info in describe(settings):
             text = ",".join(info.default) if info.type is tuple else str(info.default)
-            planner, catalogue = read_settings(None, [f"{group}.{info.name}={text}"])
-            holder = catalogue if group == "catalogue" else getattr(planner, group)
-            assert getattr(holder, info.name) == info.default
+            values = read_groups(None, [f"{group}.{info.name}={text}"])
+            assert values == {group: {info.name: info.default}}
+            assert type(values[group][info.name]) is type(info.default)
 
 
 def test_set_goes_over_the_file_and_both_over_the_defaults(tmp_path: Path) -> None:
@@ -55,6 +56,7 @@ def test_set_goes_over_the_file_and_both_over_the_defaults(tmp_path: Path) -> No
         ("hpp.batch=1.5", "int"),
         ("hpp.batch=0", r"\[1, 64\]"),
         ("hpp.xi=nan", "finite"),
+        ("verification.mass_kg=0", "mass_kg"),
         ("catalogue.default_unit=inch", "mm"),
     ],
 )

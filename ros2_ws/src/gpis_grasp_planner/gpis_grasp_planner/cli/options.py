@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
 
 CATALOGUE_GROUP = "catalogue"
+VERIFICATION_GROUP = "verification"
 
 
 def add_catalogue(parser: argparse.ArgumentParser) -> None:
@@ -59,17 +61,35 @@ def add_document(parser: argparse.ArgumentParser) -> None:
 
 
 def setting_classes() -> dict[str, type[SettingsGroup]]:
-    """All groups of settings by name, that of the catalogue included."""
+    """All groups of settings by name: the planner's, the catalogue's, the verification's."""
     from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
     from gpis_grasp_planner.planning.settings import setting_groups
+    from gpis_grasp_planner.verification.settings import VerificationSettings
 
-    return {**setting_groups(), CATALOGUE_GROUP: CatalogueSettings}
+    return {
+        **setting_groups(),
+        CATALOGUE_GROUP: CatalogueSettings,
+        VERIFICATION_GROUP: VerificationSettings,
+    }
 
 
 def read_settings(
     file: Path | None, assignments: Sequence[str]
 ) -> tuple[PlannerSettings, CatalogueSettings]:
-    """Settings from a YAML file and, over it, from ``group.name=value`` texts.
+    """Settings of planner and catalogue, see :func:`read_groups`."""
+    from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+    from gpis_grasp_planner.planning.settings import PlannerSettings, setting_groups
+
+    groups = read_groups(file, assignments)
+    of_planner = {name: values for name, values in groups.items() if name in setting_groups()}
+    catalogue = CatalogueSettings.from_mapping(groups.get(CATALOGUE_GROUP, {}))
+    return PlannerSettings.from_mapping(of_planner), catalogue
+
+
+def read_groups(file: Path | None, assignments: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Values by group from a YAML file and, over it, from ``group.name=value`` texts.
+
+    Groups that a command does not use are checked all the same, so that one file serves all.
 
     Raises
     ------
@@ -77,8 +97,6 @@ def read_settings(
         INVALID_SETTING with what is known, for an unknown name or a bad value.
     """
     from gpis_grasp_planner.errors import RequestError
-    from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-    from gpis_grasp_planner.planning.settings import PlannerSettings
     from gpis_grasp_planner.settings import describe
 
     values: dict[str, dict[str, Any]] = {}
@@ -106,8 +124,8 @@ def read_settings(
         for name, value in content.items():
             if name in infos and isinstance(value, str):
                 content[name] = _typed(value, infos[name])
-    catalogue = CatalogueSettings.from_mapping(values.pop(CATALOGUE_GROUP, {}))
-    return PlannerSettings.from_mapping(values), catalogue
+        classes[group].from_mapping(content)
+    return values
 
 
 def _settings_of_file(file: Path | None) -> Mapping[str, Any]:
@@ -165,7 +183,7 @@ def find_part(
     from gpis_grasp_planner.planning.document import MeshSource
 
     path = Path(mesh)
-    if len(path.parts) > 1 or (path.suffix and path.is_file()):
+    if os.sep in mesh or (path.suffix and path.is_file()):
         return load_part(path, unit, catalogue.settings), MeshSource(str(path), unit)
     if unit is not None:
         raise RequestError(

@@ -3,17 +3,123 @@
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.cli import options
+from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from gpis_grasp_planner.planning.grasp import Grasp
+    from gpis_grasp_planner.verification.result import Verification
+    from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'verify'."""
     options.add_document(parser)
+    parser.add_argument(
+        "--friction", type=float, metavar="MU", help="between hand and part; default: the setting's"
+    )
+    parser.add_argument(
+        "--mass", type=float, metavar="KG", help="of the part; default: the setting's"
+    )
+    parser.add_argument("--cores", type=int, default=1, metavar="N", help="processes; 1")
+    parser.add_argument(
+        "--all-directions", action="store_true", help="go on after the first that fails"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="'-' for stdout, alone")
+    options.add_settings(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Not there yet."""
-    from gpis_grasp_planner.errors import RequestError
+    """Try all grasps; 3 where none holds."""
+    from gpis_grasp_planner.cli import output
+    from gpis_grasp_planner.cli.drawing import hand_of
+    from gpis_grasp_planner.errors import ErrorCode
+    from gpis_grasp_planner.planning.document import read_document
+    from gpis_grasp_planner.verification.protocol import verify
 
-    raise RequestError("Verification is not part of this version yet.")
+    output.check_writable(arguments.json)
+    settings = _settings(arguments)
+    document = read_document(arguments.document)
+    part = options.part_of_document(document, arguments)
+    grasps = document.result.grasps
+    verdicts: Sequence[Verification] = ()
+    if grasps:
+        verdicts = verify(
+            part,
+            hand_of(document.result),
+            grasps,
+            settings,
+            processes=arguments.cores,
+            stop_at_failure=not arguments.all_directions,
+        )
+    held = sum(verdict.held for verdict in verdicts)
+    to_stdout = arguments.json is not None and str(arguments.json) == "-"
+    if arguments.json is not None:
+        values = {
+            "mesh_id": part.mesh_id,
+            "mesh_hash": part.mesh.content_hash,
+            "settings": settings.as_dict(),
+            "n_held": held,
+            "grasps": [{"index": i, **v.as_dict()} for i, v in enumerate(verdicts)],
+        }
+        text = json.dumps(values, indent=1, allow_nan=False) + "\n"
+        if to_stdout:
+            print(text, end="")
+        else:
+            arguments.json.write_text(text, encoding="utf-8")
+    if not to_stdout:
+        screen = output.console()
+        screen.print(_table(grasps, verdicts))
+        screen.print(
+            f"{held} of {len(grasps)} grasps hold at friction {settings.friction:g} and "
+            f"{settings.mass_kg:g} kg"
+        )
+    if not held:
+        output.note(
+            f"gpis-grasp: {ErrorCode.NO_GRASP_HOLDS.name}: None of {len(grasps)} grasps holds. "
+            "Plan with more time or grasps, or check friction and mass."
+        )
+        return NO_ANSWER
+    return SUCCESS
+
+
+def _settings(arguments: argparse.Namespace) -> VerificationSettings:
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.verification.settings import VerificationSettings
+
+    if arguments.cores < 1:
+        raise RequestError(f"--cores is {arguments.cores}; give at least 1.")
+    groups = options.read_groups(arguments.settings, arguments.assignments)
+    values = groups.get(options.VERIFICATION_GROUP, {})
+    asked = {"friction": arguments.friction, "mass_kg": arguments.mass}
+    given = {name: value for name, value in asked.items() if value is not None}
+    return VerificationSettings.from_mapping({**values, **given})
+
+
+def _table(grasps: Sequence[Grasp], verdicts: Sequence[Verification]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("#", "epsilon", "held", "slip \\[mm]", "turn \\[deg]", "penetration \\[mm]"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("cause", no_wrap=True)
+    for i, (grasp, verdict) in enumerate(zip(grasps, verdicts, strict=True)):
+        table.add_row(
+            str(i),
+            f"{grasp.epsilon:.4f}",
+            "yes" if verdict.held else "no",
+            f"{verdict.largest_slip_mm:.1f}",
+            f"{verdict.largest_rotation_deg:.1f}",
+            f"{1e3 * verdict.penetration_m:.2f}",
+            verdict.cause,
+        )
+    return table
