@@ -46,6 +46,7 @@ POSITION = (0.6, 0.1, 0.8)
 QUAT_XYZW = (0.0, 0.0, 0.258819, 0.965926)
 TIME_BUDGET_S = 5.0
 READY_S = 60.0
+ESTIMATE_S = 60.0
 # A service call over DDS can get lost while the two sides discover each other: ask again.
 ANSWER_S, ATTEMPTS = 60.0, 3
 PICTURE = Path("out/demo_mug.png")
@@ -129,20 +130,24 @@ class Controller(Node):
 
     def ask(self) -> tuple[PlanGrasp.Response, float]:
         """Call the service; return the answer and its time [s]."""
+        deadline = time.monotonic() + ESTIMATE_S
+        while True:
+            answer, seconds = self._call()
+            # The estimator was started a moment ago, and the two have to find each other.
+            if answer.code != PlanGrasp.Response.NO_POSE_ESTIMATE or time.monotonic() > deadline:
+                return answer, seconds
+            time.sleep(0.2)
+
+    def _call(self) -> tuple[PlanGrasp.Response, float]:
         request = PlanGrasp.Request(mesh_id=MESH_ID, time_budget=TIME_BUDGET_S)
         for _ in range(ATTEMPTS):
-            if not self._service.wait_for_service(timeout_sec=10.0):
+            if not self._service.wait_for_service(timeout_sec=READY_S):
                 continue
             start = time.monotonic()
             future = self._service.call_async(request)
             rclpy.spin_until_future_complete(self, future, timeout_sec=ANSWER_S)
             if future.done():
-                answer = future.result()
-                # The estimator may have started a moment after us.
-                if answer.code != PlanGrasp.Response.NO_POSE_ESTIMATE:
-                    return answer, time.monotonic() - start
-                rclpy.spin_once(self, timeout_sec=1.0)
-                time.sleep(1.0)
+                return future.result(), time.monotonic() - start
         raise RuntimeError("The service plan_grasp gave no answer.")
 
     def listen(self) -> None:
@@ -155,7 +160,7 @@ class Controller(Node):
 def show_answer(console: Console, answer: PlanGrasp.Response, seconds: float) -> None:
     """Print the grasps as a table."""
     table = Table(title=f"{answer.message} ({answer.evaluations} tried, {seconds:.1f} s)")
-    for heading in ("#", "epsilon", "volume", "contacts", "palm x y z [m]", "orientation x y z w"):
+    for heading in ("#", "epsilon", "volume", "contacts", "palm x y z (m)", "orientation x y z w"):
         table.add_column(heading, justify="right", no_wrap=True)
     for rank, grasp in enumerate(answer.grasps, start=1):
         p, q = grasp.palm_pose.pose.position, grasp.palm_pose.pose.orientation
@@ -169,7 +174,7 @@ def show_answer(console: Console, answer: PlanGrasp.Response, seconds: float) ->
         )
     console.print(table)
     best = answer.grasps[0]
-    joints = Table(title=f"Finger joints of the best grasp [rad], frame {FRAME}")
+    joints = Table(title="Finger joints of the best grasp (rad)")
     for heading in ("joint", "pre-grasp", "grasp"):
         joints.add_column(heading, justify="right")
     for name, before, closed in zip(

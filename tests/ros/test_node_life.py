@@ -135,7 +135,7 @@ def test_parameters_and_diagnostics_of_a_running_node(
 
     for name, bad, words in (
         ("max_pose_age_s", -1.0, ["max_pose_age_s", "-1"]),
-        ("max_pose_age_s", 3, ["max_pose_age_s"]),
+        ("max_pose_age_s", 3, ["DOUBLE"]),
         ("default_planner", "magic", ["magic", "hpp"]),
         ("max_time_budget_s", 1.0, ["default_time_budget_s", "max_time_budget_s"]),
         ("pose_type", "pose_with_covariance_stamped", ["read-only"]),

@@ -20,7 +20,16 @@ from gpis_grasp_planner.settings import SettingsGroup, setting
 
 # Those of planning.planners.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
 # compares them.
-PLANNER_NAMES = ("dual", "hpp", "paper", "random", "random-adaption")
+PLANNER_NAMES = (
+    "dual",
+    "hpp",
+    "paper",
+    "random",
+    "random-adaption",
+    "annealing",
+    "eigengrasp",
+    "eigengrasp-two-level",
+)
 
 
 @dataclass(frozen=True)
