@@ -1,0 +1,203 @@
+"""Hand and object as Bullet's dynamics takes them.
+
+The fingers are one multi-body with a fixed base: six hinges, no more is simulated. Palm and
+knuckles do not move and are fixed bodies; the spread is set before (its worm drive holds it).
+PyBullet gives every link a collision margin of 1 mm that cannot be changed, so the links' hulls
+are made 1 mm smaller: together they have the link's faces where they are, with edges rounded by
+1 mm. A margin also keeps Bullet's contacts out of its deep-penetration case.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.spatial.transform import Rotation
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.scene.bullet_world import BulletClient
+
+Array = NDArray[np.float64]
+
+LINK_MARGIN_M = 0.001
+OBJECT_MARGIN_M = 1e-5
+
+
+@dataclass(frozen=True)
+class HandBodies:
+    """PyBullet's handles of a hand.
+
+    Attributes
+    ----------
+    fingers : int
+        The multi-body of the moving links.
+    joint_of : dict
+        Index of the hand's joint to PyBullet's joint; the spread joints have none.
+    link_of : dict
+        (body, PyBullet's link) to the hand's link.
+    """
+
+    fingers: int
+    joint_of: dict[int, int]
+    link_of: dict[tuple[int, int], int]
+
+
+def inset(piece: TriangleMesh, margin: float) -> Array:
+    """Vertices (n, 3) of a convex polytope whose faces lie `margin` [m] further inside."""
+    hull = ConvexHull(piece.vertices)
+    planes = hull.equations.copy()
+    planes[:, 3] += margin
+    # the point deepest in all half-spaces
+    best = linprog(
+        [0.0, 0.0, 0.0, -1.0],
+        A_ub=np.column_stack([planes[:, :3], np.ones(len(planes))]),
+        b_ub=-planes[:, 3],
+        bounds=[(None, None)] * 4,
+    )
+    corners = HalfspaceIntersection(planes, best.x[:3]).intersections
+    return np.asarray(corners[ConvexHull(corners, qhull_options="QJ").vertices])
+
+
+def inertia_of(part: Part) -> tuple[Array, Array]:
+    """Principal moments per mass (3,) [m^2] and axes (3, 3) of a part with even density.
+
+    From the closed surface; a mesh without a sound inside is taken for its bounding box.
+    """
+    triangles = part.mesh.triangles - part.center_of_mass
+    volumes = np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
+    total = float(volumes.sum())
+    sums = triangles.sum(axis=1)
+    second = np.einsum("i,ika,ikb->ab", volumes, triangles, triangles)
+    second += np.einsum("i,ia,ib->ab", volumes, sums, sums)
+    covariance = second / (20.0 * total) if total > 0.0 else np.diag([-1.0] * 3)
+    if part.watertight and np.linalg.eigvalsh(covariance).min() > 0.0:
+        moments, axes = np.linalg.eigh(np.trace(covariance) * np.eye(3) - covariance)
+        axes[:, 2] *= np.linalg.det(axes)
+        return moments, axes
+    squares = part.mesh.extent**2 / 12.0
+    return squares.sum() - squares, np.eye(3)
+
+
+def add_hand(
+    client: BulletClient, hand: HandDescription, hulls: Sequence[Sequence[Array]], spread: Array
+) -> HandBodies:
+    """Put a hand into a client, its palm frame at the origin, fingers open.
+
+    Its links do not collide with each other: the planner answers no grasp in which they would.
+
+    Parameters
+    ----------
+    client : BulletClient
+    hand : HandDescription
+    hulls : hull vertices per link and piece
+        Already inset by :data:`LINK_MARGIN_M`.
+    spread : (J,) array [rad]
+        Joint angles of which only the spread joints' count.
+    """
+    moving = [link for finger in hand.fingers for link in (finger.inner_link, finger.distal_link)]
+    joints = np.zeros(hand.n_joints)
+    for finger in hand.fingers:
+        if finger.spread_joint >= 0:
+            joints[finger.spread_joint] = spread[finger.spread_joint]
+    poses = link_transforms(hand, joints)[0]
+    link_of: dict[tuple[int, int], int] = {}
+    for link in range(hand.n_links):
+        if link in moving:
+            continue
+        position, quat_xyzw = to_position_quat_xyzw(poses[link])
+        for hull in hulls[link]:
+            body = client.createMultiBody(
+                baseMass=0.0,
+                baseCollisionShapeIndex=_hull_shape(client, hull),
+                basePosition=position,
+                baseOrientation=quat_xyzw,
+            )
+            link_of[int(body), -1] = link
+    frames = [poses[f.knuckle_link] @ hand.T_parent_joint[f.inner_link] for f in hand.fingers]
+    positions, orientations = [], []
+    for frame, finger in zip(frames, hand.fingers, strict=True):
+        for T in (frame, hand.T_parent_joint[finger.distal_link]):
+            position, quat_xyzw = to_position_quat_xyzw(T)
+            positions.append(position.tolist())
+            orientations.append(quat_xyzw.tolist())
+    n = len(moving)
+    fingers = client.createMultiBody(
+        baseMass=0.0,
+        linkMasses=[float(hand.link_mass[link]) for link in moving],
+        linkCollisionShapeIndices=[_hull_shape(client, hulls[link][0]) for link in moving],
+        linkVisualShapeIndices=[-1] * n,
+        linkPositions=positions,
+        linkOrientations=orientations,
+        linkInertialFramePositions=[[0.0] * 3] * n,
+        linkInertialFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * n,
+        linkParentIndices=[0 if i % 2 == 0 else i for i in range(n)],
+        linkJointTypes=[client.JOINT_REVOLUTE] * n,
+        linkJointAxis=[hand.joint_axis[link].tolist() for link in moving],
+    )
+    for body, _ in list(link_of):
+        for index in range(n):
+            client.setCollisionFilterPair(body, fingers, -1, index, 0)
+    for index, link in enumerate(moving):
+        link_of[int(fingers), index] = link
+    joint_of = {int(hand.link_joint[link]): index for index, link in enumerate(moving)}
+    return HandBodies(int(fingers), joint_of, link_of)
+
+
+def add_object(
+    client: BulletClient, pieces: Sequence[Array], part: Part, mass: float, T_palm_object: Array
+) -> int:
+    """A movable body of convex pieces with a part's centre of mass and inertia, at a pose."""
+    moments, axes = inertia_of(part)
+    position = T_palm_object[:3, :3] @ part.center_of_mass + T_palm_object[:3, 3]
+    quat_xyzw = Rotation.from_matrix(T_palm_object[:3, :3] @ axes).as_quat()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{part.mesh.content_hash[:16]}.obj"
+        path.write_text(_obj_text([(p - part.center_of_mass) @ axes for p in pieces]))
+        body = client.createMultiBody(
+            baseMass=mass,
+            baseCollisionShapeIndex=client.createCollisionShape(
+                client.GEOM_MESH, fileName=str(path)
+            ),
+            basePosition=position,
+            baseOrientation=quat_xyzw,
+        )
+    set_mass(client, int(body), mass, moments)
+    client.changeDynamics(
+        body,
+        -1,
+        collisionMargin=OBJECT_MARGIN_M,
+        linearDamping=0.0,
+        angularDamping=0.0,
+    )
+    return int(body)
+
+
+def set_mass(client: BulletClient, body: int, mass: float, moments: Array) -> None:
+    """Give a body a mass [kg] and principal moments (3,) per mass [m^2]."""
+    client.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=(mass * moments).tolist())
+
+
+def _hull_shape(client: BulletClient, hull: Array) -> int:
+    return int(client.createCollisionShape(client.GEOM_MESH, vertices=hull.tolist()))
+
+
+def _obj_text(pieces: Sequence[Array]) -> str:
+    """Wavefront text with one object per piece; PyBullet makes a hull of each."""
+    lines, first = [], 1
+    for index, piece in enumerate(pieces):
+        lines.append(f"o piece_{index}")
+        lines += [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in piece]
+        faces = ConvexHull(piece, qhull_options="QJ").simplices + first
+        lines += [f"f {a} {b} {c}" for a, b, c in faces]
+        first += len(piece)
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,265 @@
+"""A concave solid as overlapping convex pieces, for a dynamics engine that moves only those.
+
+The usual approximate decompositions cut the volume and let the pieces' hulls bulge over the
+surface by millimetres. Here the surface is covered instead: from a triangle a piece grows over
+its neighbours as long as every vertex sees every other one through the solid (no segment leaves
+it by more than a tolerance), and its hull becomes the piece. Every triangle lies in some piece,
+so that no contact is late, and pieces stand out of the solid by the tolerance at most where
+segments tell, so that none is early. Pieces may overlap, and the inside may stay hollow; neither
+matters to contacts. The idea of mutual visibility is that of weakly convex decomposition (Asafi,
+Goren and Cohen-Or, 2013).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from gpis_grasp_planner.geometry.distance_field import DistanceField, field_value
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree, nearest_point
+
+Array = NDArray[np.float64]
+
+_CHECKED_MEMBERS = 24
+_THICKNESSES_M = (0.006, 0.003, 0.0015, 0.0008)
+_MAX_VERTICES = 420
+# barycentric coordinates of samples on a triangle
+_LATTICE = np.array(
+    [(i, j, 6 - i - j) for i in range(7) for j in range(7 - i) if max(i, j, 6 - i - j) < 6]
+)
+_LATTICE = _LATTICE / 6.0
+
+
+class _Solid(NamedTuple):
+    """Distance field and triangle tree of a mesh, as the compiled functions take them."""
+
+    values: NDArray[np.float32]
+    origin: Array
+    spacing: float
+    triangles: Array
+    lower: Array
+    upper: Array
+    child: NDArray[np.int64]
+
+
+def convex_cover(
+    mesh: TriangleMesh, field: DistanceField, tree: TriangleTree, tolerance: float = 2e-4
+) -> list[Array]:
+    """Cover a mesh's surface by convex pieces.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    field, tree : DistanceField, TriangleTree
+        Of the same mesh.
+    tolerance : float [m]
+        How far a segment between two points of a piece may leave the solid.
+
+    Returns
+    -------
+    pieces : list of (n, 3) arrays [m]
+        Vertices of the pieces' hulls.
+    """
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=float)
+    faces = np.ascontiguousarray(mesh.faces[mesh.face_areas > 1e-12], dtype=np.int64)
+    order = np.argsort(-mesh.face_areas[mesh.face_areas > 1e-12])
+    normals = mesh.face_normals_outward[mesh.face_areas > 1e-12]
+    start, around = _faces_around_vertices(faces, len(vertices))
+    covered = np.zeros(len(faces), dtype=np.bool_)
+    solid = _Solid(
+        field.values, field.origin, field.spacing,
+        tree.triangles, tree.lower, tree.upper, tree.child,
+    )  # fmt: skip
+    pieces: list[Array] = []
+    last = 64
+    for seed in order:
+        if covered[seed]:
+            continue
+        limit = min(2 * last, _MAX_VERTICES)
+        piece = None
+        while piece is None:
+            members, taken = _grow(seed, vertices, faces, start, around, solid, tolerance, limit)
+            points = vertices[members]
+            inner = _inner_points(points, vertices, faces[taken], normals[taken], solid, tolerance)
+            piece = _hull(np.concatenate([points, inner]), solid, tolerance)
+            if piece is None and limit <= 3:
+                break
+            limit = max(3, min(limit, len(members)) // 3)
+        covered[taken] = True
+        covered[seed] = True
+        last = max(len(members), 8)
+        if piece is not None:
+            pieces.append(piece)
+    return pieces
+
+
+def _inner_points(
+    points: Array,
+    vertices: Array,
+    faces: NDArray[np.int64],
+    normals: Array,
+    solid: _Solid,
+    tolerance: float,
+) -> Array:
+    """Points below the piece's triangles that give a flat piece its thickness, (n, 3)."""
+    middles = vertices[faces].mean(axis=1)
+    if len(middles) > 12:
+        chosen = np.linspace(0, len(middles) - 1, 12).astype(int)
+        middles, normals = middles[chosen], normals[chosen]
+    found: list[Array] = []
+    for middle, normal in zip(middles, normals, strict=True):
+        for thickness in _THICKNESSES_M:
+            p = middle - thickness * normal
+            ends = np.array([*points[:: max(1, len(points) // _CHECKED_MEMBERS)], *found])
+            if _is_inside(solid, p, ends, tolerance):
+                found.append(p)
+                break
+    return np.array(found).reshape(-1, 3)
+
+
+def _hull(points: Array, solid: _Solid, tolerance: float) -> Array | None:
+    """Vertices of the hull; None where it is flat or stands out of the solid."""
+    if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-5) < 3:
+        return None
+    hull = ConvexHull(points, qhull_options="QJ")
+    samples = np.einsum("sc,fcd->fsd", _LATTICE, points[hull.simplices]).reshape(-1, 3)
+    if not _all_inside(solid, samples, tolerance):
+        return None
+    return points[_extreme(points, hull.vertices)]
+
+
+def _extreme(points: Array, corners: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The corners, or of very many only those extreme in one of evenly spread directions."""
+    if len(corners) <= _MAX_VERTICES:
+        return corners
+    i = np.arange(_MAX_VERTICES) + 0.5
+    polar, azimuth = np.arccos(1 - 2 * i / _MAX_VERTICES), np.pi * (1 + 5**0.5) * i
+    directions = np.stack(
+        [np.cos(azimuth) * np.sin(polar), np.sin(azimuth) * np.sin(polar), np.cos(polar)]
+    )
+    return corners[np.unique(np.argmax(points[corners] @ directions, axis=0))]
+
+
+def _faces_around_vertices(
+    faces: NDArray[np.int64], n_vertices: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Faces at vertex v are ``around[start[v]:start[v + 1]]``."""
+    flat = faces.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=n_vertices))])
+    return start.astype(np.int64), (order // 3).astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _holds(solid, x, y, z, d, tolerance, q):  # type: ignore[no-untyped-def]
+    """Whether a point whose field value is `d` is at most the tolerance outside."""
+    if d <= tolerance:
+        return True
+    if d > tolerance + solid.spacing:
+        return False
+    # the field rounds edges off; the mesh decides
+    _, face, _ = nearest_point(
+        x, y, z, tolerance, solid.triangles, solid.lower, solid.upper, solid.child, q
+    )
+    return face >= 0
+
+
+@njit(cache=True, nogil=True)
+def _all_inside(solid, points, tolerance):  # type: ignore[no-untyped-def]
+    q = np.empty(3)
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        d = field_value(solid.values, solid.origin, solid.spacing, x, y, z)
+        if not _holds(solid, x, y, z, d, tolerance, q):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _sees(solid, a, b, tolerance):  # type: ignore[no-untyped-def]
+    """Whether the segment between two points leaves the solid by at most the tolerance."""
+    dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    q = np.empty(3)
+    s = 0.25 * solid.spacing
+    while s < length:
+        u = s / length
+        x, y, z = a[0] + u * dx, a[1] + u * dy, a[2] + u * dz
+        d = field_value(solid.values, solid.origin, solid.spacing, x, y, z)
+        if not _holds(solid, x, y, z, d, tolerance, q):
+            return False
+        # deep inside, the distance says how far the segment surely stays inside
+        s += max(0.5 * solid.spacing, -0.9 * d)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _is_inside(solid, p, ends, tolerance):  # type: ignore[no-untyped-def]
+    """Whether a point is inside and sees all `ends` (n, 3)."""
+    if field_value(solid.values, solid.origin, solid.spacing, p[0], p[1], p[2]) > 0.0:
+        return False
+    for i in range(ends.shape[0]):
+        if not _sees(solid, p, ends[i], tolerance):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _grow(seed, vertices, faces, start, around, solid, tolerance, limit):  # type: ignore[no-untyped-def]
+    """Grow a piece from a face; returns its vertices and all faces that lie in it."""
+    n_faces = faces.shape[0]
+    state = np.zeros(n_faces, dtype=np.int8)  # 1 queued, 2 taken
+    member = np.zeros(vertices.shape[0], dtype=np.bool_)
+    refused = np.zeros(vertices.shape[0], dtype=np.bool_)
+    members = np.empty(vertices.shape[0], dtype=np.int64)
+    queue = np.empty(n_faces, dtype=np.int64)
+    n_members = 0
+    head, tail = 0, 1
+    queue[0] = seed
+    state[seed] = 1
+    while head < tail:
+        face = queue[head]
+        head += 1
+        fits = n_members + 3 <= limit or face == seed
+        for c in range(3):
+            v = faces[face, c]
+            if not fits or member[v]:
+                continue
+            if refused[v]:
+                fits = False
+                break
+            if face != seed:
+                stride = max(1, n_members // _CHECKED_MEMBERS)
+                # the newest member is nearest, the strided ones are everywhere
+                i = n_members - 1
+                while i >= 0:
+                    if not _sees(solid, vertices[v], vertices[members[i]], tolerance):
+                        refused[v] = True
+                        break
+                    i -= stride
+                if refused[v]:
+                    fits = False
+                    break
+            member[v] = True
+            members[n_members] = v
+            n_members += 1
+        if not fits:
+            continue
+        state[face] = 2
+        for c in range(3):
+            v = faces[face, c]
+            for k in range(start[v], start[v + 1]):
+                neighbour = around[k]
+                if state[neighbour] == 0:
+                    state[neighbour] = 1
+                    queue[tail] = neighbour
+                    tail += 1
+    taken = np.zeros(n_faces, dtype=np.bool_)
+    for f in range(n_faces):
+        taken[f] = member[faces[f, 0]] and member[faces[f, 1]] and member[faces[f, 2]]
+    return members[:n_members].copy(), np.flatnonzero(taken)

@@ -1,0 +1,337 @@
+"""The strict protocol: six directions, fresh resets, limits of slip, turn and penetration.
+
+Gravity is off. For each of six directions of the palm frame the part is accelerated by 15 m/s^2
+for 2 s, each time from the same state after closing; all six must pass. The part may move 3 cm
+and turn 15 degrees relative to the palm, no link may be deeper than 1 mm at the start, and links
+of two fingers, or of a finger and the palm, must press on it.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.scene.bullet_world import BulletWorld
+from gpis_grasp_planner.verification.convex_cover import convex_cover
+from gpis_grasp_planner.verification.result import DirectionResult, Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
+from gpis_grasp_planner.verification.start import StartFinder
+from gpis_grasp_planner.verification.trial import Motion, TrialWorld
+
+Array = NDArray[np.float64]
+
+DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
+_KEPT_PARTS = 4
+_WINDOW_S = 0.1
+_EARLIEST_END_S = 0.4
+_STILL_SHARE = 0.2
+_PRESSES_N = 0.05
+_FARTHEST_BACK_M = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPart:
+    """What verification makes once per mesh."""
+
+    field: DistanceField
+    tree: TriangleTree
+    pieces: tuple[Array, ...]
+
+
+_prepared: OrderedDict[tuple[str, float], PreparedPart] = OrderedDict()
+
+
+def prepare(part: Part, settings: VerificationSettings) -> PreparedPart:
+    """Cover a part by convex pieces (1 to 5 s), once per mesh and tolerance."""
+    key = (part.mesh.content_hash, settings.cover_tolerance_m)
+    if key not in _prepared:
+        field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)
+        pieces = convex_cover(part.mesh, field, tree, settings.cover_tolerance_m)
+        _prepared[key] = PreparedPart(field, tree, tuple(pieces))
+        while len(_prepared) > _KEPT_PARTS:
+            _prepared.popitem(last=False)
+    _prepared.move_to_end(key)
+    return _prepared[key]
+
+
+class Verifier:
+    """Tries grasps of one part; a context manager.
+
+    Parameters
+    ----------
+    part : Part
+    hand : HandDescription
+    settings : VerificationSettings
+    prepared : PreparedPart, optional
+        From :func:`prepare`.
+    stop_at_failure : bool
+        End a grasp's trial with the first direction that fails.
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        hand: HandDescription,
+        settings: VerificationSettings,
+        prepared: PreparedPart | None = None,
+        stop_at_failure: bool = True,
+    ):
+        self.part, self.hand, self.settings = part, hand, settings
+        self.stop_at_failure = stop_at_failure
+        self._prepared = prepared or prepare(part, settings)
+        self._start = StartFinder.of(hand, self._prepared.field)
+        self.world = TrialWorld(hand, part, self._prepared.pieces, settings)
+        self.scene = BulletWorld(hand, part.mesh, self._prepared.field, self._prepared.tree)
+
+    def __enter__(self) -> Verifier:
+        self.world.__enter__()
+        self.scene.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.scene.__exit__(None, None, None)
+        self.world.__exit__(None, None, None)
+
+    def verify(self, grasp: Grasp) -> Verification:
+        """Try a grasp as it was planned."""
+        start = time.perf_counter()
+        depth = self._planned_depth(grasp)
+        if depth > self.settings.penetration_limit_m:
+            return self._verdict("penetration", start, penetration_m=depth)
+        return self._try(grasp.T_object_palm, grasp.pregrasp_joints, depth, start)
+
+    def verify_displaced(self, grasp: Grasp, T_displacement: Array) -> Verification:
+        """Try a grasp on a part that lies elsewhere than was thought.
+
+        `T_displacement` (4, 4) maps the part's frame as it is to the frame as it was estimated.
+        The palm comes to where it was planned, or stops before where it would meet the part.
+        """
+        start = time.perf_counter()
+        T = np.linalg.inv(T_displacement) @ grasp.T_object_palm
+        back = self._start.back_until_free(T, grasp.pregrasp_joints, _FARTHEST_BACK_M)
+        if back is None:
+            return self._verdict("collision", start)
+        return self._try(back, grasp.pregrasp_joints, 0.0, start)
+
+    def close_on(self, T_object_palm: Array, pregrasp_joints: Array) -> bool:
+        """Place the hand and close it on the held part; whether it closed in time."""
+        joints = self._start.start_joints(T_object_palm, pregrasp_joints)
+        self.world.place(T_object_palm, joints)
+        return self.world.close()
+
+    def _planned_depth(self, grasp: Grasp) -> float:
+        self.scene.place_palm(grasp.T_object_palm)
+        self.scene.set_joints(grasp.joints)
+        return max(self.scene.penetration(link) for link in range(self.hand.n_links))
+
+    def _try(
+        self, T_object_palm: Array, pregrasp_joints: Array, depth: float, start: float
+    ) -> Verification:
+        world, settings = self.world, self.settings
+        if not self.close_on(T_object_palm, pregrasp_joints):
+            return self._verdict("not closed", start, penetration_m=depth)
+        before = world.part_pose()
+        world.release()
+        world.run(settings.settling_time_s)
+        closing = world.motion_since(before)
+        contacts = world.contacts()
+        links = sorted({c.link for c in contacts if c.force_n > _PRESSES_N})
+        depth = max([depth, *(c.depth_m for c in contacts)])
+        verdict = self._verdict(
+            "",
+            start,
+            penetration_m=depth,
+            touching=tuple(self.hand.link_names[link] for link in links),
+            closing_slip_m=closing.slip_m,
+            closing_rotation_rad=closing.rotation_rad,
+        )
+        if not self._within(closing):
+            cause = "lost while closing"
+        elif depth > settings.penetration_limit_m:
+            cause = "penetration"
+        elif len({self._group(link) for link in links}) < 2:
+            cause = "too few touch"
+        else:
+            results = self._six_directions()
+            held = all(result.held for result in results) and len(results) == len(DIRECTIONS)
+            verdict = replace(verdict, directions=results, held=held)
+            cause = "" if held else "slipped"
+        return replace(verdict, cause=cause, elapsed_s=time.perf_counter() - start)
+
+    def _six_directions(self) -> tuple[DirectionResult, ...]:
+        saved = self.world.save()
+        results: list[DirectionResult] = []
+        for direction in DIRECTIONS:
+            self.world.restore(saved)
+            results.append(self._push(direction))
+            if self.stop_at_failure and not results[-1].held:
+                break
+        self.world.forget(saved)
+        return tuple(results)
+
+    def _push(self, direction: Array) -> DirectionResult:
+        """One direction: to its end, to the loss of the part, or until nothing moves."""
+        world, settings = self.world, self.settings
+        before = world.part_pose()
+        acceleration = settings.acceleration_m_s2 * direction
+        elapsed, last, largest = 0.0, Motion(0.0, 0.0), Motion(0.0, 0.0)
+        while elapsed < settings.duration_s - 1e-9:
+            step = world.run(min(_WINDOW_S, settings.duration_s - elapsed), acceleration)
+            elapsed += step
+            now = world.motion_since(before)
+            largest = Motion(
+                max(largest.slip_m, now.slip_m), max(largest.rotation_rad, now.rotation_rad)
+            )
+            if not self._within(now):
+                break
+            windows_left = (settings.duration_s - elapsed) / step
+            later = Motion(
+                largest.slip_m + 2.0 * windows_left * abs(now.slip_m - last.slip_m),
+                largest.rotation_rad
+                + 2.0 * windows_left * abs(now.rotation_rad - last.rotation_rad),
+            )
+            last = now
+            if elapsed >= _EARLIEST_END_S and self._within(later, _STILL_SHARE):
+                largest = later
+                break
+        return DirectionResult(
+            (float(direction[0]), float(direction[1]), float(direction[2])),
+            self._within(largest),
+            largest.slip_m,
+            largest.rotation_rad,
+            elapsed,
+        )
+
+    def _within(self, motion: Motion, share: float = 1.0) -> bool:
+        """Whether a motion is below (a share of) the protocol's limits; not if it is not finite."""
+        return bool(
+            motion.slip_m < share * self.settings.slip_limit_m
+            and motion.rotation_rad < share * np.radians(self.settings.rotation_limit_deg)
+        )
+
+    def _group(self, link: int) -> str:
+        """The finger that a link moves with, or the palm."""
+        for finger in self.hand.fingers:
+            if link in (finger.inner_link, finger.distal_link):
+                return finger.name
+        return "palm"
+
+    def _verdict(
+        self,
+        cause: str,
+        start: float,
+        penetration_m: float = 0.0,
+        touching: tuple[str, ...] = (),
+        closing_slip_m: float = 0.0,
+        closing_rotation_rad: float = 0.0,
+    ) -> Verification:
+        return Verification(
+            held=False,
+            cause=cause,
+            friction=self.settings.friction,
+            mass_kg=self.settings.mass_kg,
+            directions=(),
+            penetration_m=penetration_m,
+            touching=touching,
+            closing_slip_m=closing_slip_m,
+            closing_rotation_rad=closing_rotation_rad,
+            elapsed_s=time.perf_counter() - start,
+        )
+
+
+def verify(
+    part: Part,
+    hand: HandDescription,
+    grasps: Sequence[Grasp],
+    settings: VerificationSettings | None = None,
+    processes: int = 1,
+    stop_at_failure: bool = True,
+    displacements: Sequence[Array] | None = None,
+) -> list[Verification]:
+    """Try grasps of a part by the strict protocol.
+
+    Parameters
+    ----------
+    part : Part
+    hand : HandDescription
+    grasps : sequence of Grasp
+    settings : VerificationSettings, optional
+    processes : int
+        More than one starts that many processes (about 2 s) and shares the grasps out.
+    stop_at_failure : bool
+        End a grasp's trial with the first direction that fails.
+    displacements : sequence of (4, 4) arrays, optional
+        One per grasp: where the part lies relative to its estimate.
+
+    Returns
+    -------
+    list of Verification, in the order of the grasps. About 0.5 s a grasp.
+    """
+    settings = settings or VerificationSettings()
+    moves = list(displacements) if displacements is not None else [None] * len(grasps)
+    prepared = prepare(part, settings)
+    workers = min(processes, len(grasps))
+    if workers <= 1:
+        with Verifier(part, hand, settings, prepared, stop_at_failure) as verifier:
+            return [_one(verifier, g, move) for g, move in zip(grasps, moves, strict=True)]
+    context = multiprocessing.get_context("spawn")
+    arguments = (part, hand.name, settings, prepared, stop_at_failure)
+    with ProcessPoolExecutor(workers, context, _start_worker, arguments) as pool:
+        return list(pool.map(_verify_in_worker, grasps, moves))
+
+
+def random_displacement(
+    rng: np.random.Generator, distance_m: float, angle_rad: float, center: Array
+) -> Array:
+    """A shift by `distance_m` in a random direction after a turn by `angle_rad` about `center`."""
+    axis, way = rng.normal(size=(2, 3))
+    rotation = _rotation(axis / np.linalg.norm(axis) * angle_rad)
+    shift = way / np.linalg.norm(way) * distance_m
+    return transform(rotation, shift + center - rotation @ center)
+
+
+def _rotation(vector: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+
+
+def _one(verifier: Verifier, grasp: Grasp, displacement: Array | None) -> Verification:
+    if displacement is None:
+        return verifier.verify(grasp)
+    return verifier.verify_displaced(grasp, displacement)
+
+
+_worker: Verifier | None = None
+
+
+def _start_worker(
+    part: Part,
+    hand_name: str,
+    settings: VerificationSettings,
+    prepared: PreparedPart,
+    stop_at_failure: bool,
+) -> None:
+    global _worker  # noqa: PLW0603
+    from gpis_grasp_planner.hand.description import load_hand
+
+    _worker = Verifier(part, load_hand(hand_name), settings, prepared, stop_at_failure)
+    _worker.__enter__()
+
+
+def _verify_in_worker(grasp: Grasp, displacement: Array | None) -> Verification:
+    assert _worker is not None
+    return _one(_worker, grasp, displacement)

@@ -1,0 +1,54 @@
+"""Settings of the strict protocol and of the physics behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpis_grasp_planner.settings import SettingsGroup, setting
+
+
+@dataclass(frozen=True)
+class VerificationSettings(SettingsGroup):
+    """The strict protocol; the physics' figures were chosen by the study in the documentation."""
+
+    friction: float = setting(
+        0.6, low=0.0, high=5.0, description="Coulomb friction between hand and object."
+    )
+    mass_kg: float = setting(0.1, low=1e-3, high=6.0, description="Mass of the object.")
+    acceleration_m_s2: float = setting(
+        15.0, low=0.0, high=100.0, description="Acceleration along each of six directions."
+    )
+    duration_s: float = setting(
+        2.0, low=0.01, high=20.0, description="How long each direction is tried."
+    )
+    slip_limit_m: float = setting(
+        0.03, low=0.0, high=0.5, description="Largest motion of the object relative to the palm."
+    )
+    rotation_limit_deg: float = setting(
+        15.0, low=0.0, high=180.0, description="Largest turn of the object relative to the palm."
+    )
+    penetration_limit_m: float = setting(
+        1e-3, low=0.0, high=0.01, description="Deepest penetration at the start."
+    )
+    tip_force_n: float = setting(
+        15.0, low=0.1, high=100.0, description="Force with which a fingertip presses."
+    )
+    holding_force_n: float = setting(
+        20.0, low=0.1, high=1000.0, description="Force a fingertip resists when driven back."
+    )
+    closing_speed_rad_s: float = setting(
+        1.2, low=0.05, high=5.0, description="Speed of the inner joints while closing."
+    )
+    closing_time_s: float = setting(
+        2.0, low=0.1, high=20.0, description="Time after which closing is ended."
+    )
+    settling_time_s: float = setting(
+        0.15, low=0.0, high=5.0, description="Time between the closing and the push."
+    )
+    rate_hz: float = setting(480.0, low=60.0, high=10000.0, description="Time steps per second.")
+    solver_iterations: int = setting(
+        50, low=5, high=1000, description="Iterations of the contact solver in a step."
+    )
+    cover_tolerance_m: float = setting(
+        2e-4, low=2e-5, high=2e-3, description="How far convex pieces may stand out of the object."
+    )

@@ -1,0 +1,89 @@
+"""Where a trial starts: fingers as far closed as they travel without meeting the part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.transforms import apply
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.surface_points import SurfacePoints, surface_points
+
+Array = NDArray[np.float64]
+
+_CLEARANCE_M = 0.003
+_TRAVEL_STEP_RAD = 0.02
+_BACK_STEP_M = 0.0005
+
+
+@dataclass(frozen=True, eq=False)
+class StartFinder:
+    """Clearances of a hand's surface points from one part.
+
+    Parameters
+    ----------
+    hand : HandDescription
+    field : DistanceField
+        Of the part.
+    """
+
+    hand: HandDescription
+    field: DistanceField
+    points: SurfacePoints
+
+    @staticmethod
+    def of(hand: HandDescription, field: DistanceField) -> StartFinder:
+        """Sample the hand's surface."""
+        return StartFinder(hand, field, surface_points(hand))
+
+    def clearance(self, T_object_palm: Array, joints: Array, links: list[int]) -> Array:
+        """Smallest distance [m] of some links from the part for joints (B, J): (B,)."""
+        poses = link_transforms(self.hand, joints)
+        smallest = np.full(len(poses), np.inf)
+        for link in links:
+            rows = slice(self.points.offsets[link], self.points.offsets[link + 1])
+            points = self.points.points[rows]
+            placed = np.einsum("bij,kj->bki", poses[:, link, :3, :3], points)
+            placed += poses[:, link, None, :3, 3]
+            distances = self.field.value(apply(T_object_palm, placed.reshape(-1, 3)))
+            smallest = np.minimum(smallest, distances.reshape(len(poses), -1).min(axis=1))
+        return smallest
+
+    def start_joints(self, T_object_palm: Array, pregrasp_joints: Array) -> Array:
+        """The pre-grasp with each finger closed until it is 3 mm from the part, (J,) [rad].
+
+        That far the fingers travel freely, so that it needs no physics.
+        """
+        joints = np.array(pregrasp_joints, dtype=float)
+        for finger in self.hand.fingers:
+            first = float(pregrasp_joints[finger.inner_joint])
+            upper = float(self.hand.joint_upper[finger.inner_joint])
+            travel = np.arange(first, upper, _TRAVEL_STEP_RAD)
+            closing = np.repeat(joints[None], len(travel), axis=0)
+            closing[:, finger.inner_joint] = travel
+            closing[:, finger.distal_joint] = np.maximum(
+                travel * self.hand.drive.distal_per_inner, joints[finger.distal_joint]
+            )
+            near = self.clearance(T_object_palm, closing, [finger.inner_link, finger.distal_link])
+            met = np.flatnonzero(near < _CLEARANCE_M)
+            # a finger that meets nothing stays where it is seen to be free
+            last = max(int(met[0]) - 1, 0) if len(met) else len(travel) - 1
+            joints = closing[last]
+        return joints
+
+    def back_until_free(self, T_object_palm: Array, joints: Array, farthest: float) -> Array | None:
+        """The palm pose moved back along its -z until the hand is free; None beyond `farthest`.
+
+        What a guarded approach does when the part lies nearer than was thought.
+        """
+        links = list(range(self.hand.n_links))
+        back = np.array(T_object_palm, dtype=float)
+        while self.clearance(back, joints[None], links)[0] < 0.0:
+            back[:3, 3] -= _BACK_STEP_M * back[:3, 2]
+            if np.linalg.norm(back[:3, 3] - T_object_palm[:3, 3]) > farthest:
+                return None
+        return back
