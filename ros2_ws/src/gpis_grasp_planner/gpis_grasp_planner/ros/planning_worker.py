@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import os
 import queue
 import sys
@@ -109,6 +111,14 @@ def _warm_up() -> None:
         traceback.print_exc()
 
 
+def _give_memory_back() -> None:
+    """Return freed memory to the system: 30 MB after a plan (glibc keeps it otherwise)."""
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
 def _receive(connection: Connection, orders: queue.SimpleQueue[PlanOrder]) -> None:
     """Take orders; end the process, also in the middle of a plan, when the node is gone."""
     try:
@@ -124,6 +134,7 @@ def main() -> None:
     orders: queue.SimpleQueue[PlanOrder] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, orders), daemon=True).start()
     _warm_up()
+    _give_memory_back()
     connection.send(WorkerReady())
 
     def report(progress: Progress) -> None:
@@ -141,6 +152,7 @@ def main() -> None:
         order = orders.get()
         connection.send(WorkerAccepted())
         connection.send(planner.answer(order, report))
+        _give_memory_back()
 
 
 if __name__ == "__main__":
