@@ -207,24 +207,24 @@ def _phase_distance(
         return np.asarray(height - phase.bow[rows])
     T_body_object = inverse(body.pose)
     K = len(phase.piece)
-    ends = [np.ascontiguousarray((T_body_object @ T).reshape(-1, 4, 4)) for T in (T_0, T_1)]
+    first, last = (np.ascontiguousarray((T_body_object @ T).reshape(-1, 4, 4)) for T in (T_0, T_1))
     distance = np.empty(len(rows) * K)
     # beyond twice the margin a lower bound does; the bow must not take it below the margin
     limit = 2.0 * margin + float(phase.bow.max()) + 1e-6
     which = np.tile(phase.piece, len(rows))
     if isinstance(body, BoxObstacle):
         sweeps_to_polytope(
-            pieces.vertices, pieces.start, which, *ends, limit, body.corners, distance
+            pieces.vertices, pieces.start, which, first, last, limit, body.corners, distance
         )
     else:
         tree = body.tree
         sweeps_to_mesh(
-            pieces.vertices, pieces.start, which, *ends, limit,
+            pieces.vertices, pieces.start, which, first, last, limit,
             tree.triangles, tree.lower, tree.upper, tree.child, distance,
         )  # fmt: skip
     nearest = distance.reshape(len(rows), K).min(axis=1)
     if isinstance(body, MeshObstacle):
-        nearest[_swallowed(pieces, phase, ends[0].reshape(len(rows), K, 4, 4), body)] = 0.0
+        nearest[_swallowed(pieces, phase, first.reshape(len(rows), K, 4, 4), body)] = 0.0
     return np.asarray(nearest - phase.bow[rows])
 
 
@@ -240,7 +240,9 @@ def lowest(pieces: HandPieces, piece: Index, T: Array, plane: SupportPlane) -> A
     return height
 
 
-def _swallowed(pieces: HandPieces, phase: _Phase, T: Array, body: MeshObstacle) -> NDArray[np.bool_]:
+def _swallowed(
+    pieces: HandPieces, phase: _Phase, T: Array, body: MeshObstacle
+) -> NDArray[np.bool_]:
     """Whether pieces lie wholly inside a closed mesh, where they are far from its surface."""
     points = pieces.vertices[pieces.start[phase.piece[0]]]
     # one point a hand does: the hand is of one piece, and its surface's crossing shows as 0

@@ -28,6 +28,7 @@ class AttemptStatus(IntEnum):
     SELF_COLLISION = 2
     TOO_FEW_CONTACTS = 3
     NO_WAY_BACK = 4
+    BLOCKED = 5
 
 
 @dataclass(frozen=True, eq=False)

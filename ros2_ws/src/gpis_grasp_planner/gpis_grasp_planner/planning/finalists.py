@@ -5,13 +5,21 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.context import PlanningContext
+from gpis_grasp_planner.planning.evaluator import Attempts
 from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.ranking import Candidate
+from gpis_grasp_planner.planning.ranking import DISTINCT, Candidate
+from gpis_grasp_planner.planning.reserve import Reserve
 from gpis_grasp_planner.quality.wrench_space import grasp_quality
 
+Array = NDArray[np.float64]
+
+RESERVE = 150
 _SPARE = 1.25
+_RESERVE_APART = 0.5 * DISTINCT
 
 
 def choose_finalists(
@@ -42,29 +50,63 @@ def choose_finalists(
     return tuple(grasps[:n_grasps])
 
 
+def choose_reserve(
+    context: PlanningContext, chosen: tuple[Grasp, ...], n: int = RESERVE
+) -> Reserve:
+    """Up to `n` further grasps, by a smaller distance rule and with the search's estimates.
+
+    Those at the palm poses of the chosen are left out. Some 10 to 50 ms.
+    """
+    taken = {grasp.T_object_palm.tobytes() for grasp in chosen}
+    further = [
+        _grasp(candidate, context, *_estimate(candidate))
+        for candidate in context.archive.best(n + len(chosen), _RESERVE_APART)
+        if candidate.T_object_palm.tobytes() not in taken
+    ]
+    return Reserve(
+        tuple(further[:n]),
+        context.part.center_of_mass,
+        context.max_radius,
+        context.settings.scene.cone_edges,
+    )
+
+
 def grasp_of(candidate: Candidate, context: PlanningContext) -> Grasp:
     """A candidate with its exact quality."""
-    attempts, i = candidate.attempts, candidate.index
-    contacts = attempts.contacts(i)
-    scene = context.settings.scene
     quality = grasp_quality(
-        contacts, context.part.center_of_mass, context.max_radius, scene.cone_edges
+        candidate.attempts.contacts(candidate.index),
+        context.part.center_of_mass,
+        context.max_radius,
+        context.settings.scene.cone_edges,
     )
-    T_object_palm = attempts.T_object_palm[i].copy()
-    pregrasp = np.zeros(context.hand.n_joints)
+    return _grasp(candidate, context, quality.epsilon, quality.volume)
+
+
+def pregrasp_of(attempts: Attempts, rows: NDArray[np.intp], hand: HandDescription) -> Array:
+    """Postures (n, J) [rad] from which the given attempts closed."""
     if attempts.start_joints is not None:
-        pregrasp[:] = attempts.start_joints[i]
-    else:
-        for finger in context.hand.fingers:
-            if finger.spread_joint >= 0:
-                pregrasp[finger.spread_joint] = attempts.spread[i]
+        return np.array(attempts.start_joints[rows])
+    pregrasp = np.zeros((len(rows), hand.n_joints))
+    for finger in hand.fingers:
+        if finger.spread_joint >= 0:
+            pregrasp[:, finger.spread_joint] = attempts.spread[rows]
+    return pregrasp
+
+
+def _estimate(candidate: Candidate) -> tuple[float, float]:
+    return candidate.epsilon, float(candidate.attempts.volume[candidate.index])
+
+
+def _grasp(candidate: Candidate, context: PlanningContext, epsilon: float, volume: float) -> Grasp:
+    attempts, i = candidate.attempts, candidate.index
+    T_object_palm = attempts.T_object_palm[i].copy()
     return Grasp(
         T_object_palm=T_object_palm,
         joints=attempts.joints[i].copy(),
-        pregrasp_joints=pregrasp,
-        contacts=contacts,
-        epsilon=quality.epsilon,
-        volume=quality.volume,
+        pregrasp_joints=pregrasp_of(attempts, np.array([i]), context.hand)[0],
+        contacts=attempts.contacts(i),
+        epsilon=epsilon,
+        volume=volume,
         approach_direction=T_object_palm[:3, 2].copy(),
-        approach_distance=scene.retreat_m,
+        approach_distance=context.settings.scene.retreat_m,
     )

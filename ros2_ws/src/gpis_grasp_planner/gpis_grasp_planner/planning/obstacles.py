@@ -73,9 +73,7 @@ class BoxObstacle:
         object.__setattr__(self, "pose", _pose(self.pose, self.name))
         size = _vector(self.size, f"size of '{self.name}'")
         if size.min() < 0.0:
-            raise _invalid(
-                f"The size of '{self.name}' is {size} m; edge lengths are not negative."
-            )
+            raise _invalid(f"The size of '{self.name}' is {size} m; edge lengths are not negative.")
         object.__setattr__(self, "size", size)
 
     @property

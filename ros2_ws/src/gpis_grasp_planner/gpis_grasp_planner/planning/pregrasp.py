@@ -2,7 +2,7 @@
 
 Open fingers reach far beyond the part and into whatever stands beside it. Since the fingers of
 the narrow pre-grasp lie on the way from open to closed, and the drive's law has no memory before
-the first contact, closing from either ends in the same grasp.
+the first contact, closing from either ends in the same grasp (up to the closing's tolerance).
 """
 
 from __future__ import annotations
@@ -61,13 +61,24 @@ def narrow_pregrasp(
     stop = closed[:, [finger.inner_joint for finger in hand.fingers]]
     _, end = motors_from_joints(hand, closed)
     motors = start.copy()
-    going = (end > start) & reachable(hand, opened)[:, None]
+    can = (end > start) & reachable(hand, opened)[:, None]
+
+    def free(trial: Array, asked: NDArray[np.bool_], approach: bool) -> NDArray[np.bool_]:
+        joints = joints_from_motors(hand, spread, trial, stop)
+        return _fingers_are_free(hand, grasps, joints, tree, clearance_m, asked, approach)
+
+    going = can.copy()
     while going.any():
         trial = np.where(going, np.minimum(motors + _STEP_RAD, end), motors)
-        joints = joints_from_motors(hand, spread, trial, stop)
-        free = _fingers_are_free(hand, grasps, joints, tree, clearance_m, going)
-        motors = np.where(going & free, trial, motors)
-        going &= free & (motors < end - 1e-9)
+        going &= free(trial, going, approach=False)
+        motors = np.where(going, trial, motors)
+        going &= motors < end - 1e-9
+    # the approach is seldom nearer than its end: it is looked at once, and then on the way back
+    wide = can & (motors > start)
+    while wide.any():
+        wide &= ~free(motors, wide, approach=True)
+        motors = np.where(wide, np.maximum(motors - _STEP_RAD, start), motors)
+        wide &= motors > start
     narrow = joints_from_motors(hand, spread, motors, stop)
     return [
         grasp if _fingers_meet(hand, joints) else replace(grasp, pregrasp_joints=joints)
@@ -82,23 +93,27 @@ def _fingers_are_free(
     tree: TriangleTree,
     clearance: float,
     asked: NDArray[np.bool_],
+    approach: bool,
 ) -> NDArray[np.bool_]:
-    """Whether fingers (B, F) keep the clearance on the approach with postures (B, J)."""
+    """Whether fingers (B, F) with postures (B, J) keep the clearance, on the approach as well."""
     pieces = HandPieces.of(hand)
     T_palm_link = link_transforms(hand, joints)
     T = np.stack([g.T_object_palm for g in grasps])[:, None] @ T_palm_link
-    T_back = shifted(T, np.stack([-g.approach_distance * g.approach_direction for g in grasps]))
+    back = np.stack([-g.approach_distance * g.approach_direction for g in grasps])
+    T_back = shifted(T, back) if approach else T
     free = asked.copy()
     for index, finger in enumerate(hand.fingers):
         rows = np.flatnonzero(asked[:, index])
         members = _pieces_of(pieces, finger)
         which = np.tile(members, len(rows))
+        first, last = (
+            np.ascontiguousarray(ends[np.ix_(rows, pieces.link[members])].reshape(-1, 4, 4))
+            for ends in (T_back, T)
+        )
         distance = np.empty(len(which))
         sweeps_to_mesh(
-            pieces.vertices, pieces.start, which,
-            *(np.ascontiguousarray(ends[np.ix_(rows, pieces.link[members])].reshape(-1, 4, 4))
-              for ends in (T_back, T)),
-            clearance, tree.triangles, tree.lower, tree.upper, tree.child, distance,
+            pieces.vertices, pieces.start, which, first, last, clearance,
+            tree.triangles, tree.lower, tree.upper, tree.child, distance,
         )  # fmt: skip
         free[rows, index] = distance.reshape(len(rows), len(members)).min(axis=1) >= clearance
     return free

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.obstacles import Surroundings
+from gpis_grasp_planner.planning.reserve import Reserve
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
 GRASP_COUNT_RANGE = (1, 200)
@@ -38,6 +40,9 @@ class PlanRequest:
         None: that of the part, or the default of 0.6.
     max_evaluations : int or None
         Ends the search after this many attempts, which makes a run repeatable to the bit.
+    surroundings : Surroundings or None
+        In the object's frame. Where given, only grasps that are clear of it are looked for; a
+        result without serves every pose of the part (`planning.answer`).
     """
 
     planner: str = "dual"
@@ -46,6 +51,7 @@ class PlanRequest:
     n_grasps: int = 20
     friction: Friction | None = None
     max_evaluations: int | None = None
+    surroundings: Surroundings | None = None
 
     def __post_init__(self) -> None:
         low, high = TIME_BUDGET_RANGE_S
@@ -115,6 +121,8 @@ class PlanResult:
         Where there is no grasp: the nearest thing to one. Infeasible.
     convergence : tuple of (elapsed s, evaluations, best epsilon)
         One entry per improvement of the best epsilon.
+    reserve : Reserve
+        Further grasps, for surroundings in which those of the answer are blocked.
     """
 
     code: ErrorCode
@@ -138,6 +146,7 @@ class PlanResult:
     evaluations: int
     notes: tuple[str, ...] = ()
     convergence: tuple[tuple[float, int, float], ...] = field(default=())
+    reserve: Reserve = field(default_factory=Reserve)
 
     @property
     def success(self) -> bool:

@@ -55,24 +55,32 @@ def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance)
 
 
 @njit(cache=True, nogil=True)
-def sweeps_to_mesh(
+def sweeps_to_mesh(  # type: ignore[no-untyped-def]
     vertices, start, piece, T_0, T_1, limit, triangles, lower, upper, child, distance
-):  # type: ignore[no-untyped-def]
+):
     """Distances of M sweeps from a mesh's surface, at most `limit`; see `sweeps_to_polytope`.
 
     `triangles` to `child` are the arrays of the mesh's `TriangleTree`.
     """
     work = np.empty((2 * np.max(start[1:] - start[:-1]), 3))
-    R = np.eye(3)
+    R = np.empty((3, 3))
     t = np.zeros(3)
     low = np.empty(3)
     high = np.empty(3)
     for k in range(piece.shape[0]):
         first, last = start[piece[k]], start[piece[k] + 1]
         n = _sweep(vertices, first, last, T_0[k], T_1[k], work)
+        # the sweep's box in the link's axes prunes better than one in the mesh's
         for a in range(3):
-            low[a] = np.min(work[:n, a])
-            high[a] = np.max(work[:n, a])
+            low[a] = np.inf
+            high[a] = -np.inf
+            for b in range(3):
+                R[b, a] = T_1[k, b, a]
+        for i in range(n):
+            for a in range(3):
+                x = R[0, a] * work[i, 0] + R[1, a] * work[i, 1] + R[2, a] * work[i, 2]
+                low[a] = min(low[a], x)
+                high[a] = max(high[a], x)
         distance[k] = polytope_mesh(
             work[:n], R, t, low, high, limit, -1, triangles, lower, upper, child
         )
