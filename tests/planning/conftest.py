@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import coal
 import numpy as np
 import pytest
 import trimesh
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
+from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.planner import GraspPlanner
 from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
+from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve
+from gpis_grasp_planner.planning.planners import make_search
 from gpis_grasp_planner.planning.ranking import GraspArchive
+from gpis_grasp_planner.planning.request import PlanRequest
 from gpis_grasp_planner.planning.settings import PlannerSettings
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 
@@ -218,3 +224,99 @@ class RecordingEvaluator:
 @pytest.fixture
 def recording_evaluator():
     return RecordingEvaluator
+
+
+class CoalReferee:
+    """The hand's pieces in an independent collision library, on a path walked here."""
+
+    def __init__(self, hand):
+        self.hand = hand
+        self.pieces = [
+            (link, self.convex(piece.vertices, piece.faces))
+            for link, group in enumerate(hand.link_collision)
+            for piece in group
+        ]
+
+    @staticmethod
+    def convex(vertices, faces):
+        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        for p in vertices:
+            points.append(np.array(p, dtype=float))
+        for a, b, c in faces:
+            triangles.append(coal.Triangle(int(a), int(b), int(c)))
+        return coal.Convex(points, triangles)
+
+    def link_poses(self, T_frame_palm, joints):
+        """Poses (4, 4) of all links, joint by joint."""
+        T = []
+        for link, parent in enumerate(self.hand.link_parent):
+            here = T_frame_palm if parent < 0 else T[parent] @ self.hand.T_parent_joint[link]
+            joint = self.hand.link_joint[link]
+            if joint >= 0:
+                turn = np.eye(4)
+                turn[:3, :3] = rotation_about(self.hand.joint_axis[link], joints[joint])
+                here = here @ turn
+            T.append(here)
+        return T
+
+    def postures(self, grasp, n):
+        """(n, J) postures while the fingers close: coupled, then the distal link by itself."""
+        path = np.repeat(grasp.joints[None], n, axis=0)
+        for finger in self.hand.fingers:
+            i, d = finger.inner_joint, finger.distal_joint
+            opened, closed = grasp.pregrasp_joints[[i, d]], grasp.joints[[i, d]]
+            motor = np.linspace(0.75 * opened.sum(), 0.75 * closed.sum(), n)
+            path[:, i] = np.minimum(motor, closed[0])
+            path[:, d] = np.clip(4.0 / 3.0 * motor - path[:, i], 0.0, closed[1])
+        path[0] = grasp.pregrasp_joints
+        return path
+
+    def way(self, grasp, n_back=9, n_closing=30):
+        """Link poses in the object's frame: the approach, then the closing; the last is closed."""
+        for s in np.linspace(1.0, 0.0, n_back):
+            T = grasp.T_object_palm.copy()
+            T[:3, 3] -= s * grasp.approach_distance * grasp.approach_direction
+            yield self.link_poses(T, grasp.pregrasp_joints)
+        for joints in self.postures(grasp, n_closing)[1:]:
+            yield self.link_poses(grasp.T_object_palm, joints)
+
+    def distance(self, poses, body, T_object_body, links=None):
+        """Smallest distance of the pieces at link poses from a coal body; negative in overlap."""
+        pose = coal.Transform3s(T_object_body[:3, :3], T_object_body[:3, 3])
+        request = coal.DistanceRequest()
+        return min(
+            coal.distance(
+                shape,
+                coal.Transform3s(poses[link][:3, :3], poses[link][:3, 3]),
+                body,
+                pose,
+                request,
+                coal.DistanceResult(),
+            )
+            for link, shape in self.pieces
+            if links is None or link in links
+        )
+
+
+@pytest.fixture(scope="session")
+def referee(planner):
+    return CoalReferee(planner.hand)
+
+
+@pytest.fixture(scope="session")
+def mug_plan(catalogue, planner, make_context):
+    """The shipped mug: part, plan with a reserve, and the context it was searched in."""
+    part = catalogue.load("mug")
+    context = make_context(part, seed=1)
+    search = make_search("dual", context)
+    while not search.finished and context.evaluator.n_attempts < 1200:
+        search.step()
+    grasps = choose_finalists(context, 20, None)
+    request = PlanRequest(max_evaluations=32, time_budget_s=60.0, n_grasps=20)
+    result = replace(
+        planner.plan(part, request),
+        code=ErrorCode.SUCCESS,
+        grasps=grasps,
+        reserve=choose_reserve(context, grasps),
+    )
+    return SimpleNamespace(part=part, context=context, result=result)
