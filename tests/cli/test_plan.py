@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
@@ -35,7 +36,9 @@ def test_the_document_says_what_was_asked_for(planned: Path) -> None:
     assert document["friction"] == {"finger": 0.8, "palm": 0.8}
     assert document["mesh_source"] == {"file": str(planned.with_name("ball.stl")), "unit": "mm"}
     assert 1 <= len(document["grasps"]) <= 3
-    assert document["grasps"][0]["epsilon"] == max(g["epsilon"] for g in document["grasps"])
+    weight = document["settings"]["hpp"]["volume_weight"]
+    ranks = [g["epsilon"] + weight * g["volume"] for g in document["grasps"]]
+    assert ranks == sorted(ranks, reverse=True)
     assert document["n_evaluations"] >= 192
     assert all(c["friction"] == 0.8 for g in document["grasps"] for c in g["contacts"])
 
@@ -69,10 +72,11 @@ def test_json_on_stdout_is_alone_there(gpis_grasp) -> None:
 
 
 def test_no_grasp_is_3_and_the_document_is_written(gpis_grasp, tmp_path: Path) -> None:
-    file = tmp_path / "none.json"
-    answer = gpis_grasp("plan", "sphere", *QUICK, "--friction", 0.01, "--json", file)
+    file, mesh = tmp_path / "none.json", tmp_path / "crate.stl"
+    trimesh.creation.box((0.5, 0.5, 0.5)).export(mesh)  # no hand spans it
+    answer = gpis_grasp("plan", mesh, "--unit", "m", *QUICK, "--json", file)
     assert answer.code == 3
-    assert "NO_FEASIBLE_GRASP: No grasp with force closure of 'sphere'" in answer.err
+    assert "NO_FEASIBLE_GRASP: No grasp with force closure of 'crate'" in answer.err
     assert json.loads(file.read_text())["grasps"] == []
 
 
@@ -106,7 +110,9 @@ def test_render_draws_each_grasp(gpis_grasp, planned: Path, tmp_path: Path) -> N
     picture = tmp_path / "grasp.png"
     assert gpis_grasp("render", planned, "--picture", picture).code == 0
     with Image.open(picture) as image, Image.open(planned.with_name("best.png")) as best:
-        np.testing.assert_array_equal(np.asarray(image), np.asarray(best))
+        # The pose went through a quaternion: a few pixels on edges differ by a shade.
+        drawn, first = np.asarray(image, dtype=int), np.asarray(best, dtype=int)
+    assert np.abs(drawn - first).mean() < 0.01
 
 
 def test_render_finds_the_mesh_beside_a_moved_document(

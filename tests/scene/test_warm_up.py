@@ -24,7 +24,7 @@ def test_it_finds_grasps_and_says_what_it_does(capsys) -> None:
 def test_one_planner_alone() -> None:
     said: list[str] = []
     assert warm_up(["random-adaption"], said.append) > 0
-    assert [line.split(":")[0] for line in said][-1] == "planner random-adaption"
+    assert [line.split(":")[0] for line in said][-2:] == ["planner random-adaption", "confirmation"]
 
 
 def test_the_box_is_closed_and_faces_outwards() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -142,7 +141,7 @@ def _write(
         return
     store.write_results(records)
     pictures = illustrate(store, records, parts, pictures=not arguments.no_pictures)
-    command = "gpis-grasp " + shlex.join(sys.argv[1:] or ["benchmark"])
+    command = "gpis-grasp " + shlex.join(arguments.words)
     path = arguments.out / "report.md"
     path.write_text(report(records, command, pictures), encoding="utf-8")
     output.console().print(output.summary_table(summarise(records)))

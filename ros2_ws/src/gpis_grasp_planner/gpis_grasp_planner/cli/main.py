@@ -49,7 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Errors of the project's tree and of files are one line on stderr, never a traceback.
     """
-    arguments = parser().parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    arguments = parser().parse_args(words)
+    arguments.words = words  # for reports that say how they were made
     try:
         code: int = arguments.run(arguments)
         sys.stdout.flush()

@@ -24,10 +24,12 @@ from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.finalists import choose_finalists
+from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.planners import PLANNERS, make_search
 from gpis_grasp_planner.planning.ranking import GraspArchive
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 from gpis_grasp_planner.surface.implicit_surface import fit_part
@@ -74,10 +76,10 @@ def warm_up(
     began = time.monotonic()
     atlas = SurfaceAtlas(fit_part(part.mesh, settings.surface))
     say(f"implicit surface: {time.monotonic() - began:.1f} s")
-    n_grasps = 0
+    friction = Friction(0.6, 0.6)
+    grasps: list[Grasp] = []
     for name in planners or PLANNERS:
         began = time.monotonic()
-        friction = Friction(0.6, 0.6)
         evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
         context = PlanningContext(
             part=part,
@@ -93,10 +95,13 @@ def warm_up(
         end = time.monotonic() + MOST_SECONDS
         while not (search.finished or evaluator.n_attempts >= ATTEMPTS or time.monotonic() > end):
             search.step()
-        found = choose_finalists(context, 2, None)
-        n_grasps += len(found)
+        grasps += choose_finalists(context, 2, None)
         say(f"planner {name}: {time.monotonic() - began:.1f} s")
-    return n_grasps
+    began = time.monotonic()
+    with BulletEvaluator(hand, part, friction, settings.scene, field, tree) as bullet:
+        bullet.confirm(grasps[:1])
+    say(f"confirmation: {time.monotonic() - began:.1f} s")
+    return len(grasps)
 
 
 def main() -> int:
