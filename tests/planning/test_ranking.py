@@ -180,20 +180,27 @@ def test_equal_figures_keep_their_order(oracle):
 
 
 def test_what_a_grasp_has_to_beat(oracle):
-    face = np.eye(4)
-    face[2, 3] = 0.0793
+    def lifted(T):
+        place = T.copy()
+        place[:, 2, 3] += 0.05
+        return place
+
     T = np.tile(np.eye(4), (3, 1, 1))
     T[:, 0, 3] = [0.0, RADIUS, 2 * RADIUS]
     archive = GraspArchive(RADIUS, WEIGHT)
-    assert archive.to_beat(T, face).tolist() == [0.0, 0.0, 0.0]
+    assert archive.to_beat(lifted(T), lifted).tolist() == [0.0, 0.0, 0.0]
     archive.add(oracle.make_attempts(T, [0.3, 0.2, 0.1]))
     far = np.eye(4)
     far[1, 3] = 10 * RADIUS
-    asked = np.concatenate([T, far[None]]) @ face
+    asked = lifted(np.concatenate([T, far[None]]))
     # Not full: free ground is free, the listed hold their places.
-    assert archive.to_beat(asked, face, n=4).tolist() == [0.3, 0.2, 0.1, 0.0]
+    assert archive.to_beat(asked, lifted, n=4).tolist() == [0.3, 0.2, 0.1, 0.0]
     # Full: elsewhere the last has to be beaten.
-    assert archive.to_beat(asked, face, n=3).tolist() == [0.3, 0.2, 0.1, 0.1]
-    assert archive.to_beat(asked, face, n=2).tolist() == [0.3, 0.2, 0.2, 0.2]
+    assert archive.to_beat(asked, lifted, n=3).tolist() == [0.3, 0.2, 0.1, 0.1]
+    assert archive.to_beat(asked, lifted, n=2).tolist() == [0.3, 0.2, 0.2, 0.2]
     archive.add(oracle.make_attempts(far[None], [0.5]))
-    assert archive.to_beat(asked, face, n=2).tolist() == [0.3, 0.3, 0.3, 0.5]
+    assert archive.to_beat(asked, lifted, n=2).tolist() == [0.3, 0.3, 0.3, 0.5]
+    # Just inside the distance rule it is still the listed one's place.
+    asked[0, 0, 3] -= 0.19 * RADIUS
+    asked[3, 1, 3] += 0.21 * RADIUS
+    assert archive.to_beat(asked, lifted, n=2)[[0, 3]].tolist() == [0.3, 0.3]
