@@ -107,6 +107,15 @@ class TwoLevelAnnealing:
     ----------
     context : PlanningContext
         Its archive takes every hand that a child closes.
+
+    Attributes
+    ----------
+    seeds : BestStates
+        States that wait for a child.
+    avoided : (n, 4, 4) array
+        Poses of the palm's face that the parent keeps away from.
+    n_children : int
+        Children started so far.
     """
 
     finished = False
@@ -122,7 +131,7 @@ class TwoLevelAnnealing:
         self.seeds = BestStates(
             context.max_radius, self._settings.best_states, self._settings.seeds_apart
         )
-        self._avoided = np.zeros((0, 4, 4))
+        self.avoided = np.zeros((0, 4, 4))
         self._child: Child | None = None
         self.n_children = 0
 
@@ -160,8 +169,8 @@ class TwoLevelAnnealing:
                 self._walk.restart()
 
     def _avoid(self, T_face: Array) -> None:
-        self._avoided = np.concatenate([self._avoided, T_face])
+        self.avoided = np.concatenate([self.avoided, T_face])
 
     def _is_avoided(self, T_face: Array) -> bool:
-        difference = pose_difference(self._avoided, T_face, self._context.max_radius)
+        difference = pose_difference(self.avoided, T_face, self._context.max_radius)
         return bool(np.any(difference < self._settings.seeds_apart))
