@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
+import shutil
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -13,13 +16,17 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import PoseStamped
+import rclpy.time
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from gpis_grasp_msgs.srv import PlanGrasp
+from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
 
 with warnings.catch_warnings():
     # The generator's parser, which rclpy loads with the first message type, uses sre_parse.
@@ -28,6 +35,7 @@ with warnings.catch_warnings():
 
 READY_S = 90.0  # a bound on a hang, not a measurement: machines that run tests may be busy
 ANSWER_S = 120.0
+MAX_POSE_AGE_S = 3.0
 
 
 class NodeProcess:
@@ -148,6 +156,53 @@ def wait_for(condition: Callable[[], bool], what: str, seconds: float = 30.0) ->
         time.sleep(0.02)
 
 
+def stl(triangles: np.ndarray, count: int | None = None) -> bytes:
+    """Binary STL of triangles (n, 3, 3)."""
+    data = bytes(80) + struct.pack("<I", len(triangles) if count is None else count)
+    for corners in triangles:
+        data += struct.pack("<12fH", 0, 0, 0, *corners.ravel(), 0)
+    return data
+
+
+def box(side_m: float) -> np.ndarray:
+    """Triangles (12, 3, 3) of a cube, seen counter-clockwise from outside."""
+    x = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) * side_m
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return np.array([[x[a], x[b], x[c]] for q in quads for a, b, c in (q[:3], (q[0], *q[2:]))])
+
+
+def pose(frame: str = "world", xyz: Any = (0.5, 0.0, 0.0), xyzw: Any = (0, 0, 0, 1)) -> PoseStamped:
+    p, q = ([float(v) for v in values] for values in (xyz, xyzw))
+    return PoseStamped(
+        header=Header(frame_id=frame),
+        pose=Pose(
+            position=Point(x=p[0], y=p[1], z=p[2]),
+            orientation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3]),
+        ),
+    )
+
+
+def stamped(client: Any, age_s: float, **fields: Any) -> PoseStamped:
+    message = pose(**fields)
+    now = client.node.get_clock().now()
+    message.header.stamp = (now - rclpy.time.Duration(seconds=age_s)).to_msg()
+    return message
+
+
+def matrix(message: Pose) -> np.ndarray:
+    """Homogeneous matrix of a pose, by the textbook formula."""
+    q, p = message.orientation, message.position
+    x, y, z, w = q.x, q.y, q.z, q.w
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), p.x],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), p.y],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), p.z],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
 @pytest.fixture(scope="session")
 def tools() -> Any:
     """The helpers of this file, for test modules (they cannot import a conftest)."""
@@ -156,6 +211,12 @@ def tools() -> Any:
         node_process = NodeProcess
         request = staticmethod(plan_request)
         wait = staticmethod(wait_for)
+        stl = staticmethod(stl)
+        box = staticmethod(box)
+        pose = staticmethod(pose)
+        stamped = staticmethod(stamped)
+        matrix = staticmethod(matrix)
+        max_pose_age_s = MAX_POSE_AGE_S
 
     return Tools
 
@@ -184,3 +245,50 @@ def start_node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..
         if node.process.poll() is None:
             node.process.kill()
             node.process.wait()
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A catalogue with one good part and every kind of bad one."""
+    folder = tmp_path_factory.mktemp("parts")
+    for name in ("mug.stl", "mug.yaml", "sphere.stl", "sphere.yaml"):
+        shutil.copy(default_catalogue_directory() / name, folder)
+    cube = stl(box(0.05))
+    (folder / "empty.stl").write_bytes(b"")
+    (folder / "truncated.stl").write_bytes(cube[: len(cube) // 2])
+    broken = box(0.05)
+    broken[3, 1, 2] = math.nan
+    (folder / "nan.stl").write_bytes(stl(broken))
+    (folder / "millimetres.stl").write_bytes(stl(box(50.0)))
+    (folder / "crate.stl").write_bytes(stl(box(0.9)))
+    outside = tmp_path_factory.mktemp("outside") / "secret.stl"
+    outside.write_bytes(cube)
+    (folder / "link.stl").symlink_to(outside)
+    os.mkfifo(folder / "pipe.stl")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def node(start_node: Callable[..., Any], parts: Path) -> Iterator[Any]:
+    started = start_node(
+        {
+            "mesh_directories": f"[{parts}]",
+            "max_pose_age_s": str(MAX_POSE_AGE_S),
+            "planning_grace_s": "60.0",
+            "default_planner": "hpp",
+            "queue_size": "1",
+            "diagnostics_period_s": "0.2",
+        }
+    )
+    started.wait_ready()
+    yield started
+    assert started.end() == 0, started.text()
+
+
+@pytest.fixture(scope="module")
+def planned(node: Any, client: Any) -> PlanGrasp.Response:
+    """A first good answer, which the later ones with the same request come from."""
+    response = client.plan("mug")
+    assert response.success, response.message
+    assert not response.from_cache
+    return response

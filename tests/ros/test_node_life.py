@@ -95,12 +95,18 @@ class Parameters:
         self._client, self._tools = client, tools
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
+        """Call a service, and once more where DDS lost the first call during discovery."""
         service = self._client.node.create_client(kind, f"/grasp_planner/{name}")
         assert service.wait_for_service(timeout_sec=60.0)
-        future = service.call_async(request)
-        self._tools.wait(future.done, name)
+        calls = [service.call_async(request)]
+        deadline = time.monotonic() + 10.0
+        while not calls[0].done() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        if not calls[0].done():
+            calls.append(service.call_async(request))
+        self._tools.wait(lambda: any(call.done() for call in calls), name)
         self._client.node.destroy_client(service)
-        return future.result()
+        return next(call.result() for call in calls if call.done())
 
     def set(self, name: str, value: Any) -> Any:
         kinds = {
