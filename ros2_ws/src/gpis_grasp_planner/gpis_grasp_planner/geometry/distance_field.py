@@ -5,9 +5,10 @@ triangle; farther away the distance to the nearest triangle of the nearest band 
 within a cell of the truth and only steers step lengths. A point query is one trilinear
 interpolation (some 15 ns compiled).
 
-The sign comes from counting crossings along grid columns in the three axes with a majority vote,
-so that a small hole in a mesh does not turn its inside out. A mesh without an inside (an open
-sheet) has positive distances on both sides.
+The sign comes from counting crossings along grid columns in the three axes. A column that crosses
+the surface an odd number of times has met a hole and abstains; the majority of the others
+decides, so that a hole does not turn a mesh's inside out. A mesh without an inside (an open sheet)
+has positive distances on both sides.
 """
 
 from __future__ import annotations
@@ -44,16 +45,17 @@ class DistanceField:
         spacing = float(max((upper - lower).max() + 2 * padding_m, 1e-6) / cells)
         origin = lower - padding_m - 0.5 * spacing
         shape = np.ceil((upper - lower + 2 * padding_m) / spacing).astype(np.int64) + 2
+        triangles = mesh.triangles[mesh.face_areas > 0.0]
         squared = np.full(tuple(shape), np.inf)
         nearest = np.full(tuple(shape), -1, dtype=np.int32)
         band = _BAND_CELLS * spacing
-        _splat(mesh.triangles, origin, spacing, band, squared, nearest)
+        _splat(triangles, origin, spacing, band, squared, nearest)
         in_band = nearest >= 0
         _, (i, j, k) = distance_transform_edt(~in_band, return_indices=True)
-        _fill_far(mesh.triangles, origin, spacing, nearest, nearest[i, j, k], squared)
+        _fill_far(triangles, origin, spacing, nearest, nearest[i, j, k], squared)
         distance = np.sqrt(squared)
-        votes = sum(_inside_along(mesh.triangles, origin, spacing, shape, axis) for axis in range(3))
-        distance[votes >= 2] *= -1.0
+        votes = sum(_inside_along(triangles, origin, spacing, shape, axis) for axis in range(3))
+        distance[votes > 0] *= -1.0
         return DistanceField(distance.astype(np.float32), origin, spacing)
 
     def value(self, points: Array) -> Array:
@@ -158,15 +160,17 @@ def _fill_far(triangles, origin, spacing, nearest, candidate, squared):  # type:
 def _inside_along(
     triangles: Array, origin: Array, spacing: float, shape: NDArray[np.int64], axis: int
 ) -> NDArray[np.int64]:
-    """1 where a column along `axis` has crossed the surface an odd number of times, else 0."""
+    """Votes of the columns along `axis`: 1 inside, -1 outside, 0 where a column met a hole."""
     order = [(axis + 1) % 3, (axis + 2) % 3, axis]
     counts = np.zeros(tuple(shape[order]), dtype=np.int32)
     # A column that meets an edge exactly would count it twice or not at all: columns are
     # moved off the lattice by an irrational part of a cell.
     shift = np.array([0.00141421, 0.00173205, 0.0]) * spacing
     _count_crossings(triangles[:, :, order], origin[order] + shift, spacing, counts)
-    inside = np.cumsum(counts, axis=2) % 2
-    return np.asarray(np.transpose(inside, np.argsort(order)))
+    crossed = np.cumsum(counts, axis=2)
+    closed = crossed[:, :, -1:] % 2 == 0
+    vote = np.where(closed, 2 * (crossed % 2) - 1, 0)
+    return np.asarray(np.transpose(vote, np.argsort(order)))
 
 
 @njit(cache=True, nogil=True)
@@ -201,7 +205,7 @@ def _count_crossings(triangles, origin, spacing, counts):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True, inline="always")
 def field_value(values, origin, spacing, x, y, z):  # type: ignore[no-untyped-def]
-    """Trilinear signed distance at one point; beyond the grid a lower bound of the distance."""
+    """Trilinear signed distance at one point; beyond the grid a lower bound, right to two cells."""
     fx = (x - origin[0]) / spacing
     fy = (y - origin[1]) / spacing
     fz = (z - origin[2]) / spacing
