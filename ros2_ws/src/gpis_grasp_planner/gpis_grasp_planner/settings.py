@@ -62,11 +62,17 @@ class SettingInfo:
     def check(self, value: Any) -> Any:
         """Return `value` in the declared type, or raise RequestError with value and limit."""
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+            try:
+                value = float(value)
+            except OverflowError:
+                value = math.inf
         if self.type is tuple and isinstance(value, list):
             value = tuple(value)
-        if not isinstance(value, self.type) or (
-            isinstance(value, bool) and self.type is not bool
+        wrong_item = isinstance(value, tuple) and not all(isinstance(v, str) for v in value)
+        if (
+            not isinstance(value, self.type)
+            or (isinstance(value, bool) and self.type is not bool)
+            or wrong_item
         ):
             raise RequestError(
                 f"Setting '{self.name}' is {value!r}; it takes a {self.type.__name__}. "
