@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.hand.drive import motors_from_joints
-from gpis_grasp_planner.planning.admm_cp_opt import AdmmCpSettings, ContactPointOptimiser
+from gpis_grasp_planner.planning.admm_cp_opt import ContactPointOptimiser
 from gpis_grasp_planner.planning.evaluator import AttemptStatus
+from gpis_grasp_planner.planning.search_settings import AdmmCpSettings
 from gpis_grasp_planner.planning.settings import PlannerSettings
 from gpis_grasp_planner.quality.contacts import Contacts
 

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.planning.local_adaption import AdaptionSettings, LocalAdaption, palm_against
+from gpis_grasp_planner.planning.local_adaption import LocalAdaption, palm_against
+from gpis_grasp_planner.planning.search_settings import AdaptionSettings
 from gpis_grasp_planner.planning.settings import PlannerSettings
 
 N_PROPOSALS = 7

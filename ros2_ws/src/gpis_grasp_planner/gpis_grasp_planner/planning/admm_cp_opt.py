@@ -47,7 +47,6 @@ from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon, start_directions
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
 from gpis_grasp_planner.quality.wrench_space import contact_wrenches
-from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
@@ -56,55 +55,6 @@ Array = NDArray[np.float64]
 
 _DIRECTIONS = start_directions(256)
 _STARTS = 8
-
-
-@dataclass(frozen=True)
-class AdmmCpSettings(SettingsGroup):
-    """Parameters of ADMM-CP-Opt."""
-
-    n_seed: int = setting(
-        2, low=1, high=100, description="n_seed of Alg. 3: shifts of the palm on its chart."
-    )
-    shift_ratio: float = setting(
-        0.05,
-        low=0.0,
-        high=1.0,
-        description="Radius of u_rand on the palm's chart, over the object's largest radius.",
-    )
-    neighbourhood: float = setting(
-        0.2,
-        low=0.01,
-        high=1.0,
-        description="How far motors may go from the grasp they start from, over their whole "
-        "travel; 1 (the paper's form) leaves them their whole box.",
-    )
-    max_iterations: int = setting(
-        12, low=1, high=1000, description="max_iter of Alg. 3: iterations of ADMM."
-    )
-    rho: float = setting(
-        4.0, low=1e-6, high=1e6, description="rho of the augmented Lagrangian (scaled motors)."
-    )
-    penalty_per_mm2: float = setting(
-        0.05, low=0.0, high=1e3, description="mu of g_c, per square millimetre of violation."
-    )
-    primal_tolerance: float = setting(
-        0.01, low=0.0, high=1.0, description="eps^primal: largest |q - z| (scaled motors)."
-    )
-    dual_tolerance: float = setting(
-        0.04, low=0.0, high=10.0, description="eps^dual: largest rho |z - z_previous|."
-    )
-    first_evaluations: int = setting(
-        20, low=1, high=10_000, description="Evaluations of a sub-problem's first iteration."
-    )
-    update_evaluations: int = setting(
-        6, low=1, high=10_000, description="Evaluations of a sub-problem's later iterations."
-    )
-    contact_reach_mm: float = setting(
-        8.0,
-        low=0.0,
-        high=100.0,
-        description="A link's nearest point counts as a contact in f_obj within this distance.",
-    )
 
 
 @dataclass(frozen=True, eq=False)

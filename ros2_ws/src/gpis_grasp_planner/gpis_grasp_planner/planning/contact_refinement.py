@@ -14,7 +14,6 @@ One step tries `samples` neighbours of one grasp, some 10 to 30 ms.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,34 +21,9 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import inverse, transform
 from gpis_grasp_planner.planning.ranking import Candidate
-from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
-
-
-@dataclass(frozen=True)
-class RefinementSettings(SettingsGroup):
-    """Parameters of the contact refinement."""
-
-    samples: int = setting(
-        12, low=1, high=1000, description="Neighbours tried of a grasp before the next one's turn."
-    )
-    n_grasps: int = setting(
-        24, low=1, high=200, description="How many distinct grasps are refined in turn."
-    )
-    step_min: float = setting(
-        0.02, low=1e-4, high=1.0, description="Smallest relative step (of the largest ones)."
-    )
-    step_translation_m: float = setting(
-        0.02, low=0.0, high=0.2, description="Largest standard deviation of a translation."
-    )
-    step_rotation_deg: float = setting(
-        15.0, low=0.0, high=90.0, description="Largest standard deviation of a rotation."
-    )
-    step_spread_deg: float = setting(
-        25.0, low=0.0, high=180.0, description="Largest standard deviation of the spread."
-    )
 
 
 class ContactRefinement:

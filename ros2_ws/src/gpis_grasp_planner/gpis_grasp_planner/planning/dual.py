@@ -14,27 +14,13 @@ value is always told with the pose it was found at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.planning.contact_refinement import ContactRefinement
 from gpis_grasp_planner.planning.hpp_opt import PalmPoseOptimiser
-from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
-
-
-@dataclass(frozen=True)
-class DualSettings(SettingsGroup):
-    """How the two stages share the budget."""
-
-    second_stage_share: float = setting(
-        0.6,
-        low=0.0,
-        high=0.95,
-        description="Share of the attempts that the second stage gets once there is a grasp.",
-    )
 
 
 class DualOptimiser:

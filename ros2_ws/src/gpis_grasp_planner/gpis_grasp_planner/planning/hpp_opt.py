@@ -21,72 +21,11 @@ from gpis_grasp_planner.optimise.gaussian_process import GaussianProcessSettings
 from gpis_grasp_planner.planning.evaluator import Attempts
 from gpis_grasp_planner.planning.local_adaption import LocalAdaption
 from gpis_grasp_planner.planning.search_space import PalmSearchSpace
-from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class HppSettings(SettingsGroup):
-    """Parameters of HPP-Opt."""
-
-    n_iter: int = setting(
-        100_000,
-        low=0,
-        high=10_000_000,
-        description="n_iter of Alg. 1: proposals after the start; the time budget ends earlier.",
-    )
-    n_initial: int = setting(
-        24, low=1, high=100_000, description="Latin hypercube poses that start the model."
-    )
-    batch: int = setting(
-        4, low=1, high=64, description="Proposals asked of the model at once; the paper's form is 1."
-    )
-    xi: float = setting(
-        0.01,
-        low=0.0,
-        high=10.0,
-        description="xi of expected improvement, in standard deviations of the objective.",
-    )
-    max_observations: int = setting(
-        200, low=10, high=5000, description="Observations that the model holds at once."
-    )
-    noise_std_max: float = setting(
-        0.7,
-        low=1e-4,
-        high=10.0,
-        description="Upper bound of the model's noise, in standard deviations of the objective: "
-        "the seeds of the local adaption make it noisy.",
-    )
-    improvement: str = setting(
-        "list",
-        choices=("list", "best"),
-        description="What expected improvement is over: the list of distinct grasps, or (the "
-        "paper's form) the best observation.",
-    )
-    model_sees: str = setting(
-        "adapted",
-        choices=("adapted", "proposed"),
-        description="Pose by which the model knows a proposal: where the local adaption takes "
-        "it, or (the paper's form) as proposed.",
-    )
-    model_posture: bool = setting(
-        True,
-        description="The model also proposes spread and standoff; without (the paper's form) "
-        "the seeds of the local adaption draw them.",
-    )
-    volume_weight: float = setting(
-        0.5, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
-    )
-    palm_clearance_m: float = setting(
-        0.12,
-        low=0.0,
-        high=1.0,
-        description="How far the outer box of palm positions lies beyond the object's box.",
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,58 +27,13 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.planning.evaluator import Attempts, GraspEvaluator
-from gpis_grasp_planner.settings import SettingsGroup, setting
+from gpis_grasp_planner.planning.search_settings import AdaptionSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class AdaptionSettings(SettingsGroup):
-    """Parameters of the local adaption."""
-
-    n_seed: int = setting(
-        12, low=1, high=1000, description="n_seed of Alg. 2: points tried on each chart."
-    )
-    chart_radius_ratio: float = setting(
-        0.15,
-        low=0.0,
-        high=1.0,
-        description="Radius of u_rand on the chart, over the object's largest radius.",
-    )
-    standoff_max_m: float = setting(
-        0.09,
-        low=0.0,
-        high=0.3,
-        description="Seeds go back from the nearest free palm by up to this.",
-    )
-    standoff_share: float = setting(
-        0.6, low=0.0, high=1.0, description="Share of the seeds that go back at all."
-    )
-    vary_spread_deg: float = setting(
-        12.0,
-        low=0.0,
-        high=180.0,
-        description="Seeds vary the spread by this where the model proposes one.",
-    )
-    vary_standoff_m: float = setting(
-        0.008,
-        low=0.0,
-        high=0.3,
-        description="Seeds vary the standoff by this where the model proposes one.",
-    )
-    free_share: float = setting(
-        0.6,
-        low=0.0,
-        high=1.0,
-        description="Share of the seeds that draw spread and standoff freely all the same.",
-    )
-    spread_max_deg: float = setting(
-        180.0, low=0.0, high=180.0, description="Largest spread that seeds draw."
-    )
 
 
 @dataclass(frozen=True, eq=False)

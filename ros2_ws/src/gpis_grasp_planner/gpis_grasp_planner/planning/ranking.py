@@ -115,9 +115,7 @@ class GraspArchive:
         """The `n` best that are `apart` from each other, best first."""
         return self._ranked(n, apart)
 
-    def to_beat(
-        self, T_place: Array, place_of: Callable[[Array], Array], n: int = 20
-    ) -> Array:
+    def to_beat(self, T_place: Array, place_of: Callable[[Array], Array], n: int = 20) -> Array:
         """What a grasp at each place (k, 4, 4) must exceed to enter the list.
 
         The list is the `n` best distinct grasps. A grasp within the distance rule of a listed one

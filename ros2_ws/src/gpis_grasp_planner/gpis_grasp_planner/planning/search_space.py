@@ -103,7 +103,7 @@ class PalmSearchSpace:
         self.domain = BoxDomain(
             np.zeros(n),
             upper_corner,
-            (_PALM_PERIODIC + [False, False])[:n],
+            [*_PALM_PERIODIC, False, False][:n],
             features=self._features,
             distance=EuclideanDistance(groups, np.array(scale_bounds)),
         )
@@ -141,4 +141,3 @@ class PalmSearchSpace:
         T = T_object_face if self._adapt is None else self._adapt(T_object_face)
         pose = pose_features(T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat())
         return np.hstack([pose, posture])
-

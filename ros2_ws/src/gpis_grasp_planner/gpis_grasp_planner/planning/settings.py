@@ -7,13 +7,15 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.planning.admm_cp_opt import AdmmCpSettings
-from gpis_grasp_planner.planning.contact_refinement import RefinementSettings
-from gpis_grasp_planner.planning.dual import DualSettings
-from gpis_grasp_planner.planning.hpp_opt import HppSettings
-from gpis_grasp_planner.planning.local_adaption import AdaptionSettings
 from gpis_grasp_planner.planning.rivals.settings import RivalSettings
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
+from gpis_grasp_planner.planning.search_settings import (
+    AdaptionSettings,
+    AdmmCpSettings,
+    DualSettings,
+    HppSettings,
+    RefinementSettings,
+)
 from gpis_grasp_planner.settings import SettingsGroup
 from gpis_grasp_planner.surface.settings import SurfaceSettings
 
