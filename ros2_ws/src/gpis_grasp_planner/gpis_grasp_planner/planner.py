@@ -149,7 +149,7 @@ class GraspPlanner:
         reserve = min(0.4 * request.time_budget_s, _SECONDS_PER_FINALIST * request.n_grasps)
         search_end = start + request.time_budget_s - reserve
         convergence: list[tuple[float, int, float]] = []
-        cancelled = False
+        cancelled = stepped = False
         next_progress = start
         while not search.finished:
             now = time.monotonic()
@@ -169,10 +169,11 @@ class GraspPlanner:
                 break
             limit = request.max_evaluations
             # One step is always taken: a budget shorter than the preparation still tries.
-            late = now >= search_end and evaluator.n_attempts > 0
+            late = now >= search_end and stepped
             if late or (limit is not None and evaluator.n_attempts >= limit):
                 break
             search.step()
+            stepped = True
             if archive.best_epsilon > (convergence[-1][2] if convergence else 0.0):
                 elapsed = time.monotonic() - start
                 convergence.append((elapsed, evaluator.n_attempts, archive.best_epsilon))
