@@ -83,9 +83,7 @@ class SettingInfo:
                 f"Setting '{self.name}' is {value}; it must be finite. "
                 f"The default is {self.default!r}."
             )
-        too_low = self.low is not None and value < self.low
-        too_high = self.high is not None and value > self.high
-        if too_low or too_high:
+        if isinstance(value, int | float) and not self._in_range(value):
             raise RequestError(
                 f"Setting '{self.name}' is {value!r}, outside {self.range_text()}. "
                 f"The default is {self.default!r}."
@@ -95,6 +93,11 @@ class SettingInfo:
                 f"Setting '{self.name}' is {value!r}; choose one of {', '.join(self.choices)}."
             )
         return value
+
+    def _in_range(self, value: float) -> bool:
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        return low <= value <= high
 
     def range_text(self) -> str:
         """The allowed values as text, for messages and docs."""

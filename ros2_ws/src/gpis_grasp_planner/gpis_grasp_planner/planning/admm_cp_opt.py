@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +41,12 @@ from gpis_grasp_planner.optimise.admm import AdmmResult, AdmmSettings, solve_adm
 from gpis_grasp_planner.optimise.bayesian import BayesianSettings
 from gpis_grasp_planner.optimise.bayesian_subproblem import BayesianSubproblem, SubproblemSettings
 from gpis_grasp_planner.optimise.domain import BoxDomain
+from gpis_grasp_planner.planning.context import PlanningContext, posture_evaluator
 from gpis_grasp_planner.planning.evaluator import Attempts, Postures
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon, start_directions
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
 from gpis_grasp_planner.quality.wrench_space import contact_wrenches
-
-if TYPE_CHECKING:
-    from gpis_grasp_planner.planning.context import PlanningContext
 
 Array = NDArray[np.float64]
 
@@ -93,6 +90,7 @@ class ContactPointOptimiser:
     def __init__(self, context: PlanningContext):
         self._context = context
         self.settings = context.settings.admm
+        self._evaluator = posture_evaluator(context)
         drive = context.hand.drive
         self._lower = np.asarray(drive.motor_lower, dtype=float)
         self._width = np.asarray(drive.motor_upper, dtype=float) - self._lower
@@ -190,7 +188,7 @@ class ContactPointOptimiser:
     def _postures(self, T: Array, scaled_motors: Array) -> Postures:
         motors = self._lower + self._width * scaled_motors
         n = len(motors)
-        return self._context.evaluator.postures(np.broadcast_to(T, (n, 4, 4)), motors)
+        return self._evaluator.postures(np.broadcast_to(T, (n, 4, 4)), motors)
 
     def _posture_quality(self, postures: Postures, b: int) -> float:
         c = self._context

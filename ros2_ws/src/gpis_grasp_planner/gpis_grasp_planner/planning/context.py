@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.evaluator import GraspEvaluator
+from gpis_grasp_planner.planning.evaluator import GraspEvaluator, PostureEvaluator
 from gpis_grasp_planner.planning.ranking import GraspArchive
 from gpis_grasp_planner.planning.settings import PlannerSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
@@ -43,6 +44,16 @@ class PlanningContext:
         T = np.eye(4)
         T[2, 3] = palm_face_height(self.hand)
         return T
+
+
+def posture_evaluator(context: PlanningContext) -> PostureEvaluator:
+    """The context's evaluator, if it takes postures; else RequestError."""
+    if not isinstance(context.evaluator, PostureEvaluator):
+        raise RequestError(
+            "This planner needs an evaluator of postures, and "
+            f"{type(context.evaluator).__name__} is none; use the compiled evaluator."
+        )
+    return context.evaluator
 
 
 class Search(Protocol):

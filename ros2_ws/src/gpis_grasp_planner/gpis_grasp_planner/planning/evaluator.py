@@ -122,10 +122,6 @@ class GraspEvaluator(Protocol):
         """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
         ...
 
-    def postures(self, T_object_palm: Array, motors: Array) -> Postures:
-        """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [spread, fingers] [rad]."""
-        ...
-
     def clear_palm(
         self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
@@ -139,11 +135,15 @@ class GraspEvaluator(Protocol):
 
 @runtime_checkable
 class PostureEvaluator(GraspEvaluator, Protocol):
-    """An evaluator that also takes whole postures: what the annealing planners need."""
+    """An evaluator that also takes whole postures: ADMM-CP-Opt and the rivals need it."""
 
     @property
     def n_states(self) -> int:
         """States whose guided potential was asked for so far."""
+        ...
+
+    def postures(self, T_object_palm: Array, motors: Array) -> Postures:
+        """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [spread, fingers] [rad]."""
         ...
 
     def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:

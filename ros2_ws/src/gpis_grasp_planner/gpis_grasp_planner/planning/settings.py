@@ -46,7 +46,10 @@ class PlannerSettings:
             raise RequestError(
                 f"Unknown group of settings {', '.join(unknown)}; known are {', '.join(groups)}."
             )
-        return cls(**{name: groups[name].from_mapping(group) for name, group in values.items()})
+        made: dict[str, Any] = {
+            name: groups[name].from_mapping(group) for name, group in values.items()
+        }
+        return cls(**made)
 
 
 def setting_groups() -> dict[str, type[SettingsGroup]]:

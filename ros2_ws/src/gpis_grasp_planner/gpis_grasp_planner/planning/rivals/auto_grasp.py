@@ -13,9 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.planning.context import PlanningContext
-from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus, PostureEvaluator
+from gpis_grasp_planner.planning.context import PlanningContext, posture_evaluator
+from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.planning.rivals.annealer import StateAnnealing
 from gpis_grasp_planner.planning.rivals.hand_states import HandStates
 
@@ -32,16 +31,6 @@ def auto_grasp_energy(attempts: Attempts) -> Array:
     energy = np.where(attempts.status == AttemptStatus.GRASPED, energy, 0.0)
     illegal = (AttemptStatus.PALM_COLLISION, AttemptStatus.SELF_COLLISION)
     return np.where(np.isin(attempts.status, illegal), np.inf, energy)
-
-
-def posture_evaluator(context: PlanningContext) -> PostureEvaluator:
-    """The context's evaluator, if it takes postures; else RequestError."""
-    if not isinstance(context.evaluator, PostureEvaluator):
-        raise RequestError(
-            f"The annealing planners need an evaluator of postures, and "
-            f"{type(context.evaluator).__name__} is none; use the compiled evaluator."
-        )
-    return context.evaluator
 
 
 class AutoGraspAnnealing:

@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.planning.context import PlanningContext
+from gpis_grasp_planner.planning.context import PlanningContext, posture_evaluator
 from gpis_grasp_planner.planning.evaluator import Attempts, PostureEvaluator
 from gpis_grasp_planner.planning.rivals.annealer import StateAnnealing
-from gpis_grasp_planner.planning.rivals.auto_grasp import posture_evaluator
 from gpis_grasp_planner.planning.rivals.best_states import BestStates
 from gpis_grasp_planner.planning.rivals.hand_states import HandStates
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.optimise.simulated_annealing import AnnealingSettings
-from gpis_grasp_planner.planning.context import PlanningContext
+from gpis_grasp_planner.planning.context import PlanningContext, posture_evaluator
 from gpis_grasp_planner.planning.ranking import pose_difference
 from gpis_grasp_planner.planning.rivals.annealer import StateAnnealing
-from gpis_grasp_planner.planning.rivals.auto_grasp import auto_grasp_energy, posture_evaluator
+from gpis_grasp_planner.planning.rivals.auto_grasp import auto_grasp_energy
 from gpis_grasp_planner.planning.rivals.best_states import BestStates
 from gpis_grasp_planner.planning.rivals.eigengrasp import approach_and_close
 from gpis_grasp_planner.planning.rivals.hand_states import N_POSE, HandStates
