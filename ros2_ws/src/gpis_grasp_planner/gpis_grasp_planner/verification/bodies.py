@@ -64,7 +64,8 @@ def inset(piece: TriangleMesh, margin: float) -> Array:
         b_ub=-planes[:, 3],
         bounds=[(None, None)] * 4,
     )
-    corners = HalfspaceIntersection(planes, best.x[:3]).intersections
+    inside = np.array(best.x, dtype=float)[:3]
+    corners = HalfspaceIntersection(planes, inside).intersections
     return np.asarray(corners[ConvexHull(corners, qhull_options="QJ").vertices])
 
 

@@ -84,7 +84,8 @@ def convex_cover(
         piece = None
         while piece is None:
             members, taken = _grow(seed, vertices, faces, start, around, solid, tolerance, limit)
-            points = vertices[members]
+            taken = taken[~covered[taken]]
+            points = vertices[np.unique(faces[taken])]
             inner = _inner_points(points, vertices, faces[taken], normals[taken], solid, tolerance)
             piece = _hull(np.concatenate([points, inner]), solid, tolerance)
             if piece is None and limit <= 3:
@@ -203,8 +204,20 @@ def _is_inside(solid, p, ends, tolerance):  # type: ignore[no-untyped-def]
     """Whether a point is inside and sees all `ends` (n, 3)."""
     if field_value(solid.values, solid.origin, solid.spacing, p[0], p[1], p[2]) > 0.0:
         return False
-    for i in range(ends.shape[0]):
+    # numba takes no generator expression here
+    for i in range(ends.shape[0]):  # noqa: SIM110
         if not _sees(solid, p, ends[i], tolerance):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _sees_members(vertex, members, vertices, solid, tolerance):  # type: ignore[no-untyped-def]
+    """Whether a vertex sees the members: the newest, and an even choice of the others."""
+    n = members.shape[0]
+    stride = max(1, n // _CHECKED_MEMBERS)
+    for back in range(0, n, stride):
+        if not _sees(solid, vertices[vertex], vertices[members[n - 1 - back]], tolerance):
             return False
     return True
 
@@ -213,7 +226,7 @@ def _is_inside(solid, p, ends, tolerance):  # type: ignore[no-untyped-def]
 def _grow(seed, vertices, faces, start, around, solid, tolerance, limit):  # type: ignore[no-untyped-def]
     """Grow a piece from a face; returns its vertices and all faces that lie in it."""
     n_faces = faces.shape[0]
-    state = np.zeros(n_faces, dtype=np.int8)  # 1 queued, 2 taken
+    queued = np.zeros(n_faces, dtype=np.bool_)
     member = np.zeros(vertices.shape[0], dtype=np.bool_)
     refused = np.zeros(vertices.shape[0], dtype=np.bool_)
     members = np.empty(vertices.shape[0], dtype=np.int64)
@@ -221,45 +234,29 @@ def _grow(seed, vertices, faces, start, around, solid, tolerance, limit):  # typ
     n_members = 0
     head, tail = 0, 1
     queue[0] = seed
-    state[seed] = 1
-    while head < tail:
+    queued[seed] = True
+    while head < tail and n_members + 3 <= max(limit, 3):
         face = queue[head]
         head += 1
-        fits = n_members + 3 <= limit or face == seed
-        for c in range(3):
-            v = faces[face, c]
-            if not fits or member[v]:
+        fits = True
+        for v in faces[face]:
+            if member[v]:
                 continue
+            if not refused[v] and face != seed:
+                refused[v] = not _sees_members(v, members[:n_members], vertices, solid, tolerance)
             if refused[v]:
                 fits = False
                 break
-            if face != seed:
-                stride = max(1, n_members // _CHECKED_MEMBERS)
-                # the newest member is nearest, the strided ones are everywhere
-                i = n_members - 1
-                while i >= 0:
-                    if not _sees(solid, vertices[v], vertices[members[i]], tolerance):
-                        refused[v] = True
-                        break
-                    i -= stride
-                if refused[v]:
-                    fits = False
-                    break
             member[v] = True
             members[n_members] = v
             n_members += 1
         if not fits:
             continue
-        state[face] = 2
-        for c in range(3):
-            v = faces[face, c]
-            for k in range(start[v], start[v + 1]):
-                neighbour = around[k]
-                if state[neighbour] == 0:
-                    state[neighbour] = 1
+        for v in faces[face]:
+            for neighbour in around[start[v] : start[v + 1]]:
+                if not queued[neighbour]:
+                    queued[neighbour] = True
                     queue[tail] = neighbour
                     tail += 1
-    taken = np.zeros(n_faces, dtype=np.bool_)
-    for f in range(n_faces):
-        taken[f] = member[faces[f, 0]] and member[faces[f, 1]] and member[faces[f, 2]]
+    taken = member[faces[:, 0]] & member[faces[:, 1]] & member[faces[:, 2]]
     return members[:n_members].copy(), np.flatnonzero(taken)

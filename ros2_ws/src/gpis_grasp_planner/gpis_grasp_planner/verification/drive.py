@@ -4,7 +4,7 @@ The motor closes both joints with q3 = q2 / 3. Where the inner link meets the ob
 TorqueSwitch frees it at the breakaway torque: the inner joint is held by its worm gear and the
 distal link goes on by itself until it presses with the full tip force. Where the fingertip meets
 the object first, the finger presses as one, with the same force at the tip. A joint that is
-pushed back stops its drive and resists with the holding force.
+pushed back resists with the holding force.
 """
 
 from __future__ import annotations
@@ -73,8 +73,7 @@ class FingerDrive:
 
     def snapshot(self) -> tuple[Phase, bool, bool, float, float]:
         """The drive's state, to come back to with :meth:`restore`."""
-        state = (self.phase, self._coupled, self._driven_back, self._stalled_s, self._furthest)
-        return state
+        return (self.phase, self._coupled, self._driven_back, self._stalled_s, self._furthest)
 
     def restore(self, snapshot: tuple[Phase, bool, bool, float, float]) -> None:
         """Take up a state and set the motors accordingly."""

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
-from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 from gpis_grasp_planner.verification.convex_cover import convex_cover
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
 _KEPT_PARTS = 4
 _WINDOW_S = 0.1
-_EARLIEST_END_S = 0.4
+_EARLIEST_END_S = 0.3
 _STILL_SHARE = 0.2
 _PRESSES_N = 0.05
 _FARTHEST_BACK_M = 0.02
@@ -120,7 +120,7 @@ class Verifier:
         The palm comes to where it was planned, or stops before where it would meet the part.
         """
         start = time.perf_counter()
-        T = np.linalg.inv(T_displacement) @ grasp.T_object_palm
+        T = inverse(T_displacement) @ grasp.T_object_palm
         back = self._start.back_until_free(T, grasp.pregrasp_joints, _FARTHEST_BACK_M)
         if back is None:
             return self._verdict("collision", start)
@@ -145,7 +145,6 @@ class Verifier:
             return self._verdict("not closed", start, penetration_m=depth)
         before = world.part_pose()
         world.release()
-        world.run(settings.settling_time_s)
         closing = world.motion_since(before)
         contacts = world.contacts()
         links = sorted({c.link for c in contacts if c.force_n > _PRESSES_N})
@@ -158,7 +157,7 @@ class Verifier:
             closing_slip_m=closing.slip_m,
             closing_rotation_rad=closing.rotation_rad,
         )
-        if not self._within(closing):
+        if not self.within_limits(closing):
             cause = "lost while closing"
         elif depth > settings.penetration_limit_m:
             cause = "penetration"
@@ -195,7 +194,7 @@ class Verifier:
             largest = Motion(
                 max(largest.slip_m, now.slip_m), max(largest.rotation_rad, now.rotation_rad)
             )
-            if not self._within(now):
+            if not self.within_limits(now):
                 break
             windows_left = (settings.duration_s - elapsed) / step
             later = Motion(
@@ -204,18 +203,18 @@ class Verifier:
                 + 2.0 * windows_left * abs(now.rotation_rad - last.rotation_rad),
             )
             last = now
-            if elapsed >= _EARLIEST_END_S and self._within(later, _STILL_SHARE):
+            if elapsed >= _EARLIEST_END_S and self.within_limits(later, _STILL_SHARE):
                 largest = later
                 break
         return DirectionResult(
             (float(direction[0]), float(direction[1]), float(direction[2])),
-            self._within(largest),
+            self.within_limits(largest),
             largest.slip_m,
             largest.rotation_rad,
             elapsed,
         )
 
-    def _within(self, motion: Motion, share: float = 1.0) -> bool:
+    def within_limits(self, motion: Motion, share: float = 1.0) -> bool:
         """Whether a motion is below (a share of) the protocol's limits; not if it is not finite."""
         return bool(
             motion.slip_m < share * self.settings.slip_limit_m
@@ -293,22 +292,6 @@ def verify(
         return list(pool.map(_verify_in_worker, grasps, moves))
 
 
-def random_displacement(
-    rng: np.random.Generator, distance_m: float, angle_rad: float, center: Array
-) -> Array:
-    """A shift by `distance_m` in a random direction after a turn by `angle_rad` about `center`."""
-    axis, way = rng.normal(size=(2, 3))
-    rotation = _rotation(axis / np.linalg.norm(axis) * angle_rad)
-    shift = way / np.linalg.norm(way) * distance_m
-    return transform(rotation, shift + center - rotation @ center)
-
-
-def _rotation(vector: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
-
-
 def _one(verifier: Verifier, grasp: Grasp, displacement: Array | None) -> Verification:
     if displacement is None:
         return verifier.verify(grasp)
@@ -325,9 +308,7 @@ def _start_worker(
     prepared: PreparedPart,
     stop_at_failure: bool,
 ) -> None:
-    global _worker  # noqa: PLW0603
-    from gpis_grasp_planner.hand.description import load_hand
-
+    global _worker
     _worker = Verifier(part, load_hand(hand_name), settings, prepared, stop_at_failure)
     _worker.__enter__()
 

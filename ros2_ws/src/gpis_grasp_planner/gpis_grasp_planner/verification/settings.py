@@ -45,7 +45,20 @@ class VerificationSettings(SettingsGroup):
     settling_time_s: float = setting(
         0.15, low=0.0, high=5.0, description="Time between the closing and the push."
     )
-    rate_hz: float = setting(480.0, low=60.0, high=10000.0, description="Time steps per second.")
+    noise_m: float = setting(
+        0.005, low=0.0, high=0.1, description="Distance by which a displaced part is moved."
+    )
+    noise_deg: float = setting(
+        5.0, low=0.0, high=90.0, description="Angle by which a displaced part is turned."
+    )
+    noise_repeats: int = setting(
+        5, low=1, high=1000, description="Displacements that are tried per grasp."
+    )
+    lift_m: float = setting(0.2, low=0.0, high=2.0, description="Height of the table lift.")
+    shake_m: float = setting(
+        0.03, low=0.0, high=0.2, description="Way of the shake after the lift, each way."
+    )
+    rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
     solver_iterations: int = setting(
         50, low=5, high=1000, description="Iterations of the contact solver in a step."
     )
