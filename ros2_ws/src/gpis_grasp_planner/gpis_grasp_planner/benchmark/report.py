@@ -31,7 +31,8 @@ DEFINITIONS = """\
   none for a single seed.
 - **A run** is one process with one thread. The budget covers everything from the loaded mesh on:
   surface, distance field, search and the exact quality of the answer; loading compiled code is
-  outside. Evaluations per second are grasps closed and judged over that whole time."""
+  outside. Evaluations per second are grasps closed and judged over that whole time; states
+  that a planner judges without closing the hand (EigenGrasp's potential) are not among them."""
 
 
 @dataclass(frozen=True)
