@@ -24,6 +24,7 @@ from gpis_grasp_planner.quality.contacts import Contacts
 Array = NDArray[np.float64]
 
 NO_FORCE_CLOSURE = -1.0
+_FLAT = 1e-9  # singular value under which wrenches do not span a direction
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def hull_quality(wrenches: Array) -> Quality:
 
     Wrenches that span less than six dimensions have volume 0 and no force closure.
     """
-    if len(wrenches) < 7:
+    if len(wrenches) < 7 or np.linalg.matrix_rank(wrenches - wrenches[0], tol=_FLAT) < 6:
         return Quality(NO_FORCE_CLOSURE, 0.0)
     hull = None
     # Many contacts on one plane give facets that Qhull cannot merge safely; Q12 lets it merge
@@ -90,7 +91,7 @@ def hull_quality(wrenches: Array) -> Quality:
     if hull is None:
         return Quality(NO_FORCE_CLOSURE, 0.0)
     nearest = float(np.min(-hull.equations[:, -1]))
-    return Quality(nearest if nearest > 0.0 else NO_FORCE_CLOSURE, float(hull.volume))
+    return Quality(nearest if nearest > _FLAT else NO_FORCE_CLOSURE, float(hull.volume))
 
 
 def grasp_quality(
