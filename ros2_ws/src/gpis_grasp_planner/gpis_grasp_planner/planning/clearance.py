@@ -2,7 +2,7 @@
 
 Works on finished grasps: nothing of the mesh is planned anew. Checked are the closed hand, the
 open hand, the approach to it, and the closing between the two (`hand_motion`), each against
-a margin. The plane is exact but for the bow of the closing (0.3 mm at most, on the safe side);
+a margin. The plane is exact but for the bow of the closing (0.4 mm at most, on the safe side);
 boxes and meshes are by GJK on the hulls of straight moves.
 
 A plane costs some 0.2 ms a grasp, an obstacle about 1 ms a grasp near it.

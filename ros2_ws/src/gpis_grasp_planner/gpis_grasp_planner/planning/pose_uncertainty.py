@@ -4,7 +4,7 @@ The hand goes where the estimate sends it; the part is elsewhere by a perturbati
 part the palm is off by the inverse, so every perturbation is one more attempt of the evaluator:
 the fingers close from the pre-grasp, on whatever they meet. Two estimates of the mean over the
 perturbations: sampled, and by the sigma points of the unscented transform (J. Nogueira et al.,
-"Unscented Bayesian optimization for safe robot grasping", IROS 2016, eqs. (6)-(7)).
+"Unscented Bayesian optimization for safe robot grasping", IROS 2016).
 """
 
 from __future__ import annotations
