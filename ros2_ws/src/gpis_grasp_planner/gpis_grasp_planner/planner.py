@@ -13,14 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.planning.clear_evaluator import ClearEvaluator
+from gpis_grasp_planner.planning.clearance import ClearanceSettings
 from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.evaluator import GraspEvaluator
-from gpis_grasp_planner.planning.finalists import choose_finalists, grasp_of
+from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.planners import check_planner, make_search
 from gpis_grasp_planner.planning.ranking import GraspArchive
@@ -103,7 +105,7 @@ class GraspPlanner:
         Raises
         ------
         RequestError
-            For an unknown planner.
+            For an unknown planner, or surroundings with the search in PyBullet.
         """
         start = time.monotonic()
         check_planner(request.planner)
@@ -111,17 +113,25 @@ class GraspPlanner:
         prepared = self.prepare(part)
         scene = self.settings.scene
         if scene.search_evaluator == "bullet":
+            if request.surroundings is not None:
+                raise RequestError(
+                    "The search in PyBullet (scene.search_evaluator is 'bullet') knows no "
+                    "surroundings; set it to 'compiled'."
+                )
             bullet = BulletEvaluator(
                 self.hand, part, friction, scene, prepared.field, prepared.tree
             )
             with bullet:
-                return self._plan(
-                    part, request, prepared, bullet, start, on_progress, should_stop
-                )
+                return self._plan(part, request, prepared, bullet, start, on_progress, should_stop)
         compiled = CompiledEvaluator(
             self.hand, part, friction, scene, prepared.field, prepared.tree
         )
-        return self._plan(part, request, prepared, compiled, start, on_progress, should_stop)
+        evaluator: GraspEvaluator = compiled
+        if request.surroundings is not None:
+            evaluator = ClearEvaluator(
+                compiled, self.hand, request.surroundings, ClearanceSettings(), scene.retreat_m
+            )
+        return self._plan(part, request, prepared, evaluator, start, on_progress, should_stop)
 
     def _plan(
         self,
@@ -206,6 +216,7 @@ class GraspPlanner:
             evaluations=evaluator.n_attempts,
             notes=part.notes + notes,
             convergence=tuple(convergence),
+            reserve=choose_reserve(context, grasps),
         )
 
     def _confirmed(
