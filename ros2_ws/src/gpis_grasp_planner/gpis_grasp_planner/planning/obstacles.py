@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw, inverse
-from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 
 Array = NDArray[np.float64]
 
@@ -101,6 +103,9 @@ class MeshObstacle:
     @cached_property
     def tree(self) -> TriangleTree:
         """Tree over the mesh's triangles, in its own frame; 5 ms per 1000 triangles, once."""
+        # Not at the top: the node declares surroundings without loading compiled code.
+        from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+
         return TriangleTree.of(self.mesh)
 
 
