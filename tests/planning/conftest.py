@@ -198,6 +198,7 @@ class RecordingEvaluator:
     """
 
     friction = FRICTION
+    n_states = 0
 
     def __init__(self, figures=None, free=None):
         self.figures = figures or (lambda T, spread: np.full(len(T), 0.1))
@@ -205,6 +206,11 @@ class RecordingEvaluator:
         self.n_attempts = 0
         self.attempts = []
         self.cleared = []
+
+    def _postures(self, *_):
+        raise AssertionError("a search that is watched here must not need postures")
+
+    postures = attempt_from = approach = guided_potential = _postures
 
     def attempt(self, T_object_palm, spread):
         self.attempts.append((np.array(T_object_palm), np.array(spread)))

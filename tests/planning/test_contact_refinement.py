@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.planning.contact_refinement import ContactRefinement, RefinementSettings
+from gpis_grasp_planner.planning.contact_refinement import ContactRefinement
+from gpis_grasp_planner.planning.search_settings import RefinementSettings
 from gpis_grasp_planner.planning.settings import PlannerSettings
 
 

@@ -244,7 +244,7 @@ def test_the_search_ends_within_the_budget(budget, clock, planner, sphere):
 class NeverFree:
     """An object at which no hand comes free: nothing is ever attempted."""
 
-    n_attempts = 0
+    n_attempts = n_states = 0
 
     def __init__(self, hand, part, friction, *_):
         self.friction = friction
@@ -255,6 +255,8 @@ class NeverFree:
     def attempt(self, T, spread):
         assert len(T) == 0
         return self.empty
+
+    postures = attempt_from = approach = guided_potential = attempt
 
 
 @pytest.mark.parametrize("name", ["hpp", "dual", "paper", "random-adaption"])

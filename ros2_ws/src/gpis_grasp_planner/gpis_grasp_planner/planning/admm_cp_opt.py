@@ -19,7 +19,7 @@ Settled here (see also `optimise.admm` for the signs):
   spread and the fingers; violations are counted in millimetres.
 - q and z stay in a neighbourhood of the grasp they start from. In the motors' whole box fingers
   that touch are so rare that the few evaluations a sub-problem has find nothing but the start
-  (on a ball 5 of 6 runs ended where they began; in the neighbourhood 1 of 6).
+  (on a ball 5 of 6 runs ended where they began; in the neighbourhood 5 of 10).
 - The under-actuated hand is respected: an inner link stops at the object and is freed
   (breakaway), the distal link follows coupling and breakaway (`evaluator.postures`).
 - The answer of ADMM is realised by closing the hand with the optimised spread at the shifted palm.
@@ -200,9 +200,13 @@ class ContactPointOptimiser:
         near = (np.abs(value) <= 1e-3 * self.settings.contact_reach_mm) & (length > 1e-3)
         if np.count_nonzero(near) < 2:
             return 0.0
-        normals = gradient[near] / length[near, None]
+        on_surface = points[near] - (value[near] / length[near] ** 2)[:, None] * gradient[near]
+        # A few millimetres off the surface f is that of the nearest sample, and its gradient up
+        # to 20 degrees off; the normal is that of the surface.
+        normals = c.atlas.surface.gradient(on_surface)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
         contacts = Contacts(
-            points[near] - value[near, None] * normals,
+            on_surface,
             -normals,
             np.full(len(normals), c.evaluator.friction.finger),
             np.zeros(len(normals), dtype=np.intp),
