@@ -7,24 +7,29 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.surface_points import surface_points
-from gpis_grasp_planner.scene.posture import FEW_POINTS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_PROBES = 48
+_PROBE_PITCH = 0.002
+
 
 class HandArrays(NamedTuple):
-    """A hand of L links, P convex pieces, N surface points, F fingers.
+    """A hand of L links, P convex pieces, N surface points, F fingers, K probes a link.
 
-    `piece_*` and `point_*` are in the frame of their link. `point_radius` is a point's distance
-    from the axis of its own link's joint, `inner_radius` that of a distal link's point from the
-    finger's inner axis at most: their speeds per radian of joint motion.
+    `piece_*`, `point_*` and `probe*` are in the frame of their link. Probes are few points all
+    over a link's surface, for quick looks at the distance field. `probe_radius` is a probe's
+    distance from the axis of its own link's joint, `probe_inner_radius` that of a distal link's
+    probe from the finger's inner axis at most: their speeds per radian of joint motion.
     """
 
     parent: Index  # (L,)
@@ -41,11 +46,12 @@ class HandArrays(NamedTuple):
     point_start: Index  # (L + 1,)
     points: Array  # (N, 3)
     point_normals: Array  # (N, 3)
-    point_radius: Array  # (N,)
-    inner_radius: Array  # (N,)
-    link_cover: Array  # (L,) farthest surface point from the link's first FEW_POINTS
-    link_radius: Array  # (L,) largest point_radius
-    link_inner_radius: Array  # (L,) largest inner_radius
+    probes: Array  # (L, K, 3)
+    probe_radius: Array  # (L, K)
+    probe_inner_radius: Array  # (L, K)
+    link_cover: Array  # (L,) farthest place of the link's surface from its nearest probe
+    link_radius: Array  # (L,) largest distance of the link's points from its joint's axis
+    link_inner_radius: Array  # (L,) the same from the finger's inner axis, distal links only
     spread_joints: Index
     inner_joint: Index  # (F,)
     distal_joint: Index  # (F,)
@@ -91,21 +97,25 @@ def hand_arrays(hand: HandDescription) -> HandArrays:
         link_piece_start[link + 1] = len(piece_link)
     samples = surface_points(hand)
     point_start = np.asarray(samples.offsets, dtype=np.int64)
-    order, link_cover = _well_spread_first(samples.points, point_start)
-    points = np.array(samples.points[order])
+    points = np.array(samples.points)
     axis = np.asarray(hand.joint_axis, dtype=float)
-    point_radius = np.zeros(len(points))
-    inner_radius = np.zeros(len(points))
-    for link in range(n_links):
-        rows = slice(point_start[link], point_start[link + 1])
-        point_radius[rows] = np.linalg.norm(np.cross(axis[link], points[rows]), axis=1)
+    probes, link_cover = _probes_of(hand)
     link_finger = np.full(n_links, -1, dtype=np.int64)
+    inner_offset = np.full(n_links, -np.inf)
     for index, finger in enumerate(hand.fingers):
         link_finger[finger.inner_link] = index
         link_finger[finger.distal_link] = index
-        rows = slice(point_start[finger.distal_link], point_start[finger.distal_link + 1])
         offset = np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3])
-        inner_radius[rows] = offset + np.linalg.norm(points[rows], axis=1)
+        inner_offset[finger.distal_link] = offset
+    probe_radius = np.linalg.norm(np.cross(axis[:, None], probes), axis=2)
+    probe_inner_radius = np.maximum(inner_offset[:, None] + np.linalg.norm(probes, axis=2), 0.0)
+    link_radius, link_inner_radius = np.zeros(n_links), np.zeros(n_links)
+    for link, (a, b) in enumerate(itertools.pairwise(point_start)):
+        own = np.linalg.norm(np.cross(axis[link], points[a:b]), axis=1)
+        inner = inner_offset[link] + np.linalg.norm(points[a:b], axis=1)
+        # A little more than the largest sample: vertices are samples, arcs between them are not.
+        link_radius[link] = 1.02 * own.max()
+        link_inner_radius[link] = 1.02 * max(inner.max(), 0.0)
     finger = hand.fingers[0]
     return HandArrays(
         parent=np.asarray(hand.link_parent, dtype=np.int64),
@@ -121,12 +131,13 @@ def hand_arrays(hand: HandDescription) -> HandArrays:
         link_piece_start=link_piece_start,
         point_start=point_start,
         points=points,
-        point_normals=np.array(samples.normals_outward[order]),
-        point_radius=point_radius,
-        inner_radius=inner_radius,
+        point_normals=np.array(samples.normals_outward),
+        probes=probes,
+        probe_radius=probe_radius,
+        probe_inner_radius=probe_inner_radius,
         link_cover=link_cover,
-        link_radius=_largest_per_link(point_radius, point_start),
-        link_inner_radius=_largest_per_link(inner_radius, point_start),
+        link_radius=link_radius,
+        link_inner_radius=link_inner_radius,
         spread_joints=np.array(
             [f.spread_joint for f in hand.fingers if f.spread_joint >= 0], dtype=np.int64
         ),
@@ -164,26 +175,55 @@ def object_arrays(
     )
 
 
-def _well_spread_first(points: Array, start: Index) -> tuple[Index, Array]:
-    """Order of each link's points by farthest-point sampling, and how far the first ones cover."""
-    order = np.arange(len(points))
-    cover = np.zeros(len(start) - 1)
-    for link, (a, b) in enumerate(itertools.pairwise(start)):
-        p = points[a:b]
-        chosen = [int(np.argmax(p[:, 0]))]
-        distance = np.linalg.norm(p - p[chosen[0]], axis=1)
-        while len(chosen) < len(p):
-            if len(chosen) == FEW_POINTS:
-                cover[link] = distance.max()
-            chosen.append(int(np.argmax(distance)))
-            distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
-            distance[chosen] = -1.0
-        order[a:b] = a + np.array(chosen)
-    return order, cover
+def _probes_of(hand: HandDescription) -> tuple[Array, Array]:
+    """Probes (L, K, 3) of the links, and how far a place of the surface is from them at most."""
+    known: dict[tuple[int, ...], tuple[Array, float]] = {}
+    for pieces in hand.link_collision:
+        key = tuple(id(piece) for piece in pieces)
+        if key not in known:  # fingers share their meshes
+            known[key] = _probes(pieces)
+    of_link = [known[tuple(id(piece) for piece in pieces)] for pieces in hand.link_collision]
+    return np.array([probes for probes, _ in of_link]), np.array([cover for _, cover in of_link])
 
 
-def _largest_per_link(values: Array, start: Index) -> Array:
-    # A little more than the largest sample: hull vertices are samples, arcs between them are not.
-    return np.array(
-        [1.02 * values[a:b].max() if b > a else 0.0 for a, b in itertools.pairwise(start)]
+def _probes(pieces: tuple[TriangleMesh, ...]) -> tuple[Array, float]:
+    """Well-spread points (K, 3) by farthest-point sampling of a link's surface, and their cover."""
+    lattice = _lattice(pieces)
+    _, one_a_cell = np.unique(np.round(lattice / _PROBE_PITCH), axis=0, return_index=True)
+    candidates = lattice[one_a_cell]
+    chosen = [int(np.argmax(candidates[:, 0]))]
+    distance = np.linalg.norm(candidates - candidates[chosen[0]], axis=1)
+    while len(chosen) < _PROBES:
+        chosen.append(int(np.argmax(distance)))
+        new = np.linalg.norm(candidates - candidates[chosen[-1]], axis=1)
+        np.minimum(distance, new, out=distance)
+    farthest, _ = cKDTree(candidates[chosen]).query(lattice)
+    # The lattice cuts faces into similar triangles with edges of a pitch at most: no place is
+    # farther from a corner than the circumradius, or half the longest edge of an obtuse one.
+    return candidates[chosen], float(farthest.max()) + _PROBE_PITCH / np.sqrt(3.0)
+
+
+def _lattice(pieces: tuple[TriangleMesh, ...]) -> Array:
+    """Points (n, 3) that cover the surface of the pieces' union densely."""
+    parts = []
+    for index, piece in enumerate(pieces):
+        triangles = piece.triangles
+        edges = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
+        pitches = np.ceil(edges.max(axis=1) / _PROBE_PITCH).astype(np.int64)
+        for n in np.unique(pitches):
+            i, j = np.triu_indices(n + 1)
+            weights = np.stack([i, j - i, n - j], axis=1) / n
+            points = (weights @ triangles[pitches == n]).reshape(-1, 3)
+            for other_index, other in enumerate(pieces):
+                if other_index != index:
+                    points = points[_height_over(other, points) > -_PROBE_PITCH]
+            parts.append(points)
+    return np.concatenate(parts)
+
+
+def _height_over(convex: TriangleMesh, points: Array) -> Array:
+    """Largest distance (n,) of points (n, 3) over the planes of a convex mesh's faces."""
+    normal = convex.face_normals_outward
+    return np.asarray(
+        (points @ normal.T - np.einsum("ij,ij->i", normal, convex.triangles[:, 0])).max(axis=1)
     )

@@ -2,10 +2,11 @@
 
 Every finger closes at its own until a link touches. An inner link that touches is freed and
 holds (the TorqueSwitch breakaway) while the distal link goes on at 4/3 of the inner link's rate;
-a distal link that touches stops its finger. The motion is conservative advancement: from the
-distances and the largest speed of a link's points follows a step that cannot pass through the
-object. Far away the distance field says how far, near contact the exact distance does, and the
-closing ends with a gap of some hundredths of a millimetre, never in penetration.
+a distal link that touches stops its finger. Far away the distance field at some probes on
+the links says how far they may go, and where a thin feature of the object could be between the
+probes an exact test follows every step; near contact steps come from the exact distance and the
+largest speed of the link's points. The closing ends with a gap of some hundredths of a millimetre
+at most, never in penetration: an overlap that a step runs into is taken back.
 
 The simulator that the paper used closes in steps of 0.01 rad instead; the result is the same
 contact, nearer to its threshold.
@@ -16,12 +17,23 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from gpis_grasp_planner.scene.posture import coarse_step, exact_gap, finger_meets_hand, place_link
+from gpis_grasp_planner.scene.posture import (
+    coarse_step,
+    exact_gap,
+    finger_meets_hand,
+    overlaps,
+    place_link,
+    surely_free,
+)
 
 _COARSE_STEPS = 60
 _EXACT_STEPS = 40
 _COARSE_CLEARANCE = 0.0006
 _NEAR = 0.004
+# Where a thin feature may be between the probes: largest step, and how far a finger goes before
+# the next exact test [rad]. Together they move a fingertip by no more than about its thickness.
+_WATCHED_STEP = 0.08
+_UNWATCHED = 0.08
 
 
 @njit(cache=True, nogil=True)
@@ -58,25 +70,36 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
     inner_link = hand.inner_link[finger]
     distal_link = hand.distal_link[finger]
     ratio = hand.ratio
-    angle = start
+    angle = free = start
     for _ in range(_COARSE_STEPS):
         _place_finger(hand, finger, angle, min(ratio * angle, hand.distal_upper), R, t)
-        step = min(
-            coarse_step(hand, obj, inner_link, R, t, _COARSE_CLEARANCE, 0.0, 1.0),
-            coarse_step(hand, obj, distal_link, R, t, _COARSE_CLEARANCE, 1.0, ratio),
+        step_inner, d_inner = coarse_step(
+            hand, obj, inner_link, R, t, _COARSE_CLEARANCE, 0.0, 1.0
         )
+        step_distal, d_distal = coarse_step(
+            hand, obj, distal_link, R, t, _COARSE_CLEARANCE, 1.0, ratio
+        )
+        step = min(step_inner, step_distal)
         if step < 0.002:
             break
-        angle += step
-        if angle >= hand.inner_upper:
-            _place_finger(
-                hand, finger, hand.inner_upper, min(ratio * hand.inner_upper, hand.distal_upper),
-                R, t,
-            )  # fmt: skip
+        watch_inner = surely_free(hand, obj, inner_link, d_inner) <= 0.0
+        watch_distal = surely_free(hand, obj, distal_link, d_distal) <= 0.0
+        at_end = angle >= hand.inner_upper
+        if watch_inner or watch_distal:
+            if at_end or angle - free > _UNWATCHED:
+                if watch_inner and overlaps(hand, obj, inner_link, R, t, work):
+                    break
+                if watch_distal and overlaps(hand, obj, distal_link, R, t, work):
+                    break
+                free = angle
+            step = min(step, _WATCHED_STEP)
+        else:
+            free = angle
+        if at_end:
             return hand.inner_upper, 0
+        angle = min(angle + step, hand.inner_upper)
     speed_inner = hand.link_radius[inner_link]
     speed_distal = hand.link_inner_radius[distal_link] + ratio * hand.link_radius[distal_link]
-    free = start
     before_inner = before_distal = _NEAR
     for _ in range(_EXACT_STEPS):
         _place_finger(hand, finger, angle, min(ratio * angle, hand.distal_upper), R, t)
@@ -95,6 +118,8 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
             return angle, 1
         if d_distal < 2.0 * gap:
             return angle, 2
+        if angle >= hand.inner_upper:
+            return hand.inner_upper, 0
         step = min(
             _step(d_inner, before_inner, angle - free, gap, speed_inner),
             _step(d_distal, before_distal, angle - free, gap, speed_distal),
@@ -102,9 +127,7 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
         free = angle
         before_inner = d_inner
         before_distal = d_distal
-        angle += step
-        if angle >= hand.inner_upper:
-            return hand.inner_upper, 0
+        angle = min(angle + step, hand.inner_upper)
     _place_finger(hand, finger, free, min(ratio * free, hand.distal_upper), R, t)
     return free, (1 if d_inner < d_distal else 2)
 
@@ -113,17 +136,24 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
 def _advance_distal(hand, obj, finger, inner, start, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Close the distal link alone; returns (distal angle, whether it touched)."""
     link = hand.distal_link[finger]
-    angle = start
+    angle = free = start
     for _ in range(_COARSE_STEPS):
         place_link(hand, link, angle, R, t)
-        step = coarse_step(hand, obj, link, R, t, _COARSE_CLEARANCE, 0.0, 1.0)
+        step, d = coarse_step(hand, obj, link, R, t, _COARSE_CLEARANCE, 0.0, 1.0)
         if step < 0.002:
             break
-        angle += step
-        if angle >= hand.distal_upper:
-            angle = hand.distal_upper
-            break
-    free = start
+        at_end = angle >= hand.distal_upper
+        if surely_free(hand, obj, link, d) <= 0.0:
+            if at_end or angle - free > _UNWATCHED:
+                if overlaps(hand, obj, link, R, t, work):
+                    break
+                free = angle
+            step = min(step, _WATCHED_STEP)
+        else:
+            free = angle
+        if at_end:
+            return hand.distal_upper, False
+        angle = min(angle + step, hand.distal_upper)
     speed = hand.link_radius[link]
     before = _NEAR
     for _ in range(_EXACT_STEPS):

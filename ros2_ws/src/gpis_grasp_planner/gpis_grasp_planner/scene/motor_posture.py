@@ -13,27 +13,42 @@ import numpy as np
 from numba import njit
 
 from gpis_grasp_planner.geometry.distance_field import field_value
-from gpis_grasp_planner.scene.posture import coarse_step, exact_gap, place_hand, place_link
+from gpis_grasp_planner.scene.posture import (
+    coarse_step,
+    exact_gap,
+    overlaps,
+    place_hand,
+    place_link,
+    surely_free,
+)
 
 _CLEARANCE = 0.0006
 _NEAR = 0.004
+_WATCHED_STEP = 0.08  # as in closing
+_UNWATCHED = 0.08
 
 
 @njit(cache=True, nogil=True)
 def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Angle at which the inner link stops on its way to `motor`, and whether it touches."""
     link = hand.inner_link[finger]
-    angle = 0.0
+    angle = free = 0.0
     for _ in range(60):
         place_link(hand, link, angle, R, t)
-        step = coarse_step(hand, obj, link, R, t, _CLEARANCE, 0.0, 1.0)
+        step, d = coarse_step(hand, obj, link, R, t, _CLEARANCE, 0.0, 1.0)
         if step < 0.002:
             break
-        angle += step
+        if surely_free(hand, obj, link, d) <= 0.0:
+            if angle - free > _UNWATCHED:
+                if overlaps(hand, obj, link, R, t, work):
+                    break
+                free = angle
+            step = min(step, _WATCHED_STEP)
+        else:
+            free = angle
         if angle >= motor:
-            angle = motor
             break
-    free = 0.0
+        angle = min(angle + step, motor)
     for _ in range(20):
         place_link(hand, link, angle, R, t)
         d = exact_gap(hand, obj, link, R, t, _NEAR, work)

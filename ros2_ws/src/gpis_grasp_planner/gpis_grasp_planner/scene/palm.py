@@ -13,22 +13,30 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from gpis_grasp_planner.scene.posture import coarse_gap, exact_gap, place_hand
+from gpis_grasp_planner.scene.posture import coarse_gap, exact_gap, place_hand, surely_free
 
 
 @njit(cache=True, nogil=True)
 def hand_gap(hand, obj, R, t, limit, work):  # type: ignore[no-untyped-def]
-    """Distance of all links from the object [m], at most `limit`; negative estimate inside."""
+    """Distance of all links from the object [m], at most `limit`; negative estimate inside.
+
+    The links that are probably nearest come first: they spare the others their exact distance.
+    """
+    n_links = hand.parent.shape[0]
+    at_least = np.empty(n_links)
     worst = np.inf
-    for link in range(hand.parent.shape[0]):
-        d = coarse_gap(hand, obj, link, R, t, False)
-        worst = min(worst, d)
+    for link in range(n_links):
+        d = coarse_gap(hand, obj, link, R, t)
         if d < -0.7 * obj.spacing:
             return d
-    if worst > limit + 3.0 * obj.spacing:
-        return limit
+        worst = min(worst, d)
+        at_least[link] = surely_free(hand, obj, link, d)
     best = limit
-    for link in range(hand.parent.shape[0]):
+    for _ in range(n_links):
+        link = int(np.argmin(at_least))
+        if at_least[link] >= best:
+            break
+        at_least[link] = np.inf
         d = exact_gap(hand, obj, link, R, t, best, work)
         if d <= 0.0:
             return min(worst, 0.0)
@@ -79,7 +87,7 @@ def clear_palm(
         if level < reach:
             # a point at depth d needs at least d to come free: rungs below that are skipped
             rungs = max(1.0, np.floor((-d - obj.spacing) / step))
-            level += rungs * step
+            level = min(level + rungs * step, reach)
         else:
             turned += turn
             if turned >= 2.0 * np.pi:
@@ -104,9 +112,10 @@ def clear_palm(
                 for a in range(3):
                     T[a, 3] += (advance + gap) * normal[a]
                 break
-    if standoff > 0.0:
-        for a in range(3):
-            T[a, 3] += standoff * normal[a]
+    if standoff <= 0.0 and d > 0.0:
+        return True
+    for a in range(3):
+        T[a, 3] += standoff * normal[a]
     place_hand(hand, joints, T, R, t)
     return hand_gap(hand, obj, R, t, step, work) > 0.0
 
@@ -120,6 +129,6 @@ def retreat_is_free(hand, obj, T, joints, distance, steps, R, t, work):  # type:
             back[a, 3] = T[a, 3] - distance * k / steps * T[a, 2]
         place_hand(hand, joints, back, R, t)
         for link in range(hand.parent.shape[0]):
-            if coarse_gap(hand, obj, link, R, t, True) < -0.5 * obj.spacing:
+            if coarse_gap(hand, obj, link, R, t) < -0.5 * obj.spacing:
                 return False
     return True

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from gpis_grasp_planner.geometry.convex_distance import polytope_distance, polytope_mesh
+from gpis_grasp_planner.geometry.convex_distance import polytope_mesh
 from gpis_grasp_planner.geometry.distance_field import field_value
+from gpis_grasp_planner.geometry.gjk import polytope_distance
 from gpis_grasp_planner.geometry.triangle_tree import nearest_point
-
-FEW_POINTS = 48
 
 
 @njit(cache=True, nogil=True)
@@ -60,20 +59,13 @@ def place_hand(hand, joints, T, R, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def coarse_gap(hand, obj, link, R, t, few):  # type: ignore[no-untyped-def]
-    """Smallest field distance of a link's surface points [m] (negative: inside the object).
-
-    With `few` only of the first, well-spread ones.
-    """
+def coarse_gap(hand, obj, link, R, t):  # type: ignore[no-untyped-def]
+    """Smallest field distance of a link's probes [m]; negative inside the object."""
     best = np.inf
     Rl = R[link]
     tl = t[link]
-    first = hand.point_start[link]
-    last = hand.point_start[link + 1]
-    if few:
-        last = min(last, first + FEW_POINTS)
-    for n in range(first, last):
-        p = hand.points[n]
+    for n in range(hand.probes.shape[1]):
+        p = hand.probes[link, n]
         x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
         y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
         z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
@@ -83,26 +75,48 @@ def coarse_gap(hand, obj, link, R, t, few):  # type: ignore[no-untyped-def]
     return best
 
 
+@njit(cache=True, nogil=True, inline="always")
+def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
+    """How far a link with this `coarse_gap` is from the object at least [m]; may be negative.
+
+    No place of the link is farther than `link_cover` from a probe, and the field is right to
+    two cells.
+    """
+    return coarse - hand.link_cover[link] - 2.0 * obj.spacing
+
+
 @njit(cache=True, nogil=True)
 def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # type: ignore[no-untyped-def]
-    """Largest motor step [rad] that should leave `clearance` between a link and the object.
+    """Motor step [rad] that should leave `clearance` between a link and the object.
 
-    Looks at the link's first, well-spread points only. A point's speed is at most ``inner_weight * inner_radius + own_weight * point_radius``.
+    Looks at the link's probes only: a thin feature of the object can be between them. A probe's
+    speed is at most ``inner_weight * probe_inner_radius + own_weight * probe_radius``.
+
+    Returns
+    -------
+    (float, float)
+        The step, and the probes' smallest distance (`coarse_gap`).
     """
     best = np.inf
+    nearest = np.inf
     Rl = R[link]
     tl = t[link]
-    first = hand.point_start[link]
-    for n in range(first, min(first + FEW_POINTS, hand.point_start[link + 1])):
-        p = hand.points[n]
+    for n in range(hand.probes.shape[1]):
+        p = hand.probes[link, n]
         x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
         y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
         z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
-        d = field_value(obj.field, obj.origin, obj.spacing, x, y, z) - clearance
-        speed = inner_weight * hand.inner_radius[n] + own_weight * hand.point_radius[n] + 1e-6
+        d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
+        nearest = min(nearest, d)
+        d -= clearance
+        speed = (
+            inner_weight * hand.probe_inner_radius[link, n]
+            + own_weight * hand.probe_radius[link, n]
+            + 1e-6
+        )
         if d < best * speed:
             best = d / speed
-    return best
+    return best, nearest
 
 
 @njit(cache=True, nogil=True)
@@ -122,14 +136,13 @@ def piece_in_object_frame(hand, piece, R, t, out):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def]
-    """The mesh's triangle nearest to the link's deepest surface point; -1 none, -2 link is far."""
+    """The mesh's triangle nearest to the link's deepest probe; -1 none, -2 link is far."""
     best = np.inf
     bx = by = bz = 0.0
     Rl = R[link]
     tl = t[link]
-    first = hand.point_start[link]
-    for n in range(first, min(first + FEW_POINTS, hand.point_start[link + 1])):
-        p = hand.points[n]
+    for n in range(hand.probes.shape[1]):
+        p = hand.probes[link, n]
         x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
         y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
         z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
@@ -137,7 +150,7 @@ def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def
         if d < best:
             best = d
             bx, by, bz = x, y, z
-    if best > limit + hand.link_cover[link] + 2.0 * obj.spacing:
+    if surely_free(hand, obj, link, best) > limit:
         return -2
     q = np.empty(3)
     _, face, _ = nearest_point(
@@ -163,6 +176,12 @@ def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-de
             return 0.0
         best = min(best, d)
     return best
+
+
+@njit(cache=True, nogil=True)
+def overlaps(hand, obj, link, R, t, work):  # type: ignore[no-untyped-def]
+    """Whether a link and the object's mesh overlap."""
+    return exact_gap(hand, obj, link, R, t, 1e-4, work) <= 0.0
 
 
 @njit(cache=True, nogil=True)

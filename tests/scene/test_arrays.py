@@ -1,0 +1,83 @@
+"""Hand and object as arrays: what the compiled loops rely on."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
+
+
+@pytest.fixture(scope="module")
+def arrays():
+    return hand_arrays(load_hand())
+
+
+def surface_of_union(pieces, rng):
+    """Random points on a link's surface that no other piece covers."""
+    points = []
+    for index, piece in enumerate(pieces):
+        shape = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
+        p, _ = trimesh.sample.sample_surface(shape, 4000, seed=int(rng.integers(2**31)))
+        for other_index, other in enumerate(pieces):
+            if other_index != index:
+                n = other.face_normals_outward
+                offset = np.einsum("ij,ij->i", n, other.triangles[:, 0])
+                p = p[(p @ n.T - offset).max(axis=1) > 0.0]
+        points.append(p)
+    return np.concatenate(points)
+
+
+def test_no_place_of_a_link_is_farther_from_its_probes_than_its_cover(arrays, rng):
+    for link, pieces in enumerate(load_hand().link_collision):
+        places = surface_of_union(pieces, rng)
+        distance = np.linalg.norm(places[:, None] - arrays.probes[link][None], axis=2).min(axis=1)
+        assert distance.max() <= arrays.link_cover[link]
+        assert distance.max() > 0.7 * arrays.link_cover[link]  # nor is the bound a loose one
+
+
+def test_no_place_of_a_link_is_faster_than_its_radius(arrays, rng):
+    hand = load_hand()
+    for index, finger in enumerate(hand.fingers):
+        for link in (finger.inner_link, finger.distal_link):
+            assert arrays.link_finger[link] == index
+            places = surface_of_union(hand.link_collision[link], rng)
+            radius = np.linalg.norm(np.cross(hand.joint_axis[link], places), axis=1)
+            assert radius.max() <= arrays.link_radius[link]
+        # about the inner axis, with the distal joint anywhere: two radii at most
+        offset = np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3])
+        reach = offset + np.linalg.norm(places, axis=1).max()
+        assert reach <= arrays.link_inner_radius[finger.distal_link]
+
+
+def test_pieces_and_points_are_those_of_their_links(arrays):
+    hand = load_hand()
+    piece = 0
+    for link, pieces in enumerate(hand.link_collision):
+        assert arrays.link_piece_start[link] == piece
+        for mesh in pieces:
+            rows = slice(arrays.piece_start[piece], arrays.piece_start[piece + 1])
+            np.testing.assert_array_equal(arrays.piece_vertices[rows], mesh.vertices)
+            np.testing.assert_array_equal(arrays.piece_lower[piece], mesh.vertices.min(axis=0))
+            np.testing.assert_array_equal(arrays.piece_upper[piece], mesh.vertices.max(axis=0))
+            assert arrays.piece_link[piece] == link
+            piece += 1
+    assert arrays.link_piece_start[-1] == piece
+    assert arrays.point_start[-1] == len(arrays.points) == len(arrays.point_normals)
+    assert set(arrays.open_links) | set(np.flatnonzero(arrays.link_finger >= 0)) == set(
+        range(hand.n_links)
+    )
+
+
+def test_parents_come_before_their_children(arrays):
+    for link, parent in enumerate(arrays.parent):
+        assert parent < link
+
+
+def test_object_carries_the_requests_friction_and_the_parts_scale(scene):
+    s = scene("box")
+    obj = object_arrays(s.part, Friction(0.7, 0.2), s.evaluator.field, s.evaluator.tree)
+    assert (obj.friction_finger, obj.friction_palm) == (0.7, 0.2)
+    assert obj.torque_scale == pytest.approx(0.5 * np.linalg.norm([0.05, 0.06, 0.08]))
+    np.testing.assert_allclose(obj.center_of_mass, 0.0, atol=1e-12)
