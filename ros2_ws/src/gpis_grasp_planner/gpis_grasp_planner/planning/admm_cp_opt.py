@@ -19,7 +19,7 @@ Settled here (see also `optimise.admm` for the signs):
   spread and the fingers; violations are counted in millimetres.
 - q and z stay in a neighbourhood of the grasp they start from. In the motors' whole box fingers
   that touch are so rare that the few evaluations a sub-problem has find nothing but the start
-  (on a ball 5 of 6 runs ended where they began; in the neighbourhood 5 of 10).
+  (on a ball 5 of 6 runs ended where they began; in the neighbourhood 2 of 10).
 - The under-actuated hand is respected: an inner link stops at the object and is freed
   (breakaway), the distal link follows coupling and breakaway (`evaluator.postures`).
 - The answer of ADMM is realised by closing the hand with the optimised spread at the shifted palm.
