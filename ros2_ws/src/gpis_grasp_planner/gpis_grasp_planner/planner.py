@@ -191,9 +191,10 @@ class GraspPlanner:
         if cancelled:
             deadline = time.monotonic() + _SECONDS_AFTER_CANCEL
         grasps = choose_finalists(context, request.n_grasps, deadline)
+        found = len(grasps)
         grasps, notes = self._confirmed(part, friction, prepared, grasps)
         best = archive.best_attempt
-        code, message = _verdict(part, evaluator.n_attempts, len(grasps), cancelled)
+        code, message = _verdict(part, evaluator.n_attempts, found, len(grasps), cancelled)
         return PlanResult(
             code=code,
             message=message,
@@ -242,11 +243,20 @@ class GraspPlanner:
         return kept, (f"PyBullet's scene confirmed {len(kept)} of {len(grasps)} grasps.",)
 
 
-def _verdict(part: Part, attempts: int, n_grasps: int, cancelled: bool) -> tuple[ErrorCode, str]:
+def _verdict(
+    part: Part, attempts: int, found: int, n_grasps: int, cancelled: bool
+) -> tuple[ErrorCode, str]:
     if cancelled:
         return ErrorCode.CANCELLED, f"Planning for '{part.mesh_id}' was cancelled."
     if n_grasps:
         return ErrorCode.SUCCESS, f"{n_grasps} grasps of '{part.mesh_id}', best first."
+    if found:
+        return (
+            ErrorCode.NO_FEASIBLE_GRASP,
+            f"PyBullet's scene agreed with none of the {found} grasps of '{part.mesh_id}' (limit of "
+            "penetration: scene.confirm_tolerance_m). Give more time, or check the mesh for "
+            "overlapping faces.",
+        )
     extent = ", ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent)
     return (
         ErrorCode.NO_FEASIBLE_GRASP,
