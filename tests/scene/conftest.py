@@ -35,6 +35,12 @@ SOLIDS = {
     "box": lambda: trimesh.creation.box((0.05, 0.06, 0.08)),
     "plate": lambda: trimesh.creation.box((0.12, 0.08, 0.002)),
     "rod": lambda: trimesh.creation.cylinder(radius=0.0015, height=0.2, sections=16),
+    "walled box": lambda: trimesh.util.concatenate(
+        [
+            trimesh.creation.box((0.05, 0.06, 0.08)),
+            trimesh.creation.box((0.4, 0.4, 0.01), transform(np.eye(3), [0.0, 0.0, -0.17])),
+        ]
+    ),
     "cylinder": lambda: trimesh.creation.cylinder(radius=0.025, height=0.1, sections=48),
 }
 

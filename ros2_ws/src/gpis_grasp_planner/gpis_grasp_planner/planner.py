@@ -253,8 +253,8 @@ def _verdict(
     if found:
         return (
             ErrorCode.NO_FEASIBLE_GRASP,
-            f"PyBullet's scene agreed with none of the {found} grasps of '{part.mesh_id}' (its "
-            "limit of penetration is scene.confirm_tolerance_m). Give more time, or check the mesh for "
+            f"PyBullet's scene agreed with none of {found} grasps of '{part.mesh_id}' (limit: "
+            "scene.confirm_tolerance_m). Give more time, or check the mesh for "
             "overlapping faces.",
         )
     extent = ", ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent)

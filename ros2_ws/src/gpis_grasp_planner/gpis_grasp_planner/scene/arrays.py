@@ -200,7 +200,7 @@ def _probes(pieces: tuple[TriangleMesh, ...]) -> tuple[Array, float]:
     farthest, _ = cKDTree(candidates[chosen]).query(lattice)
     # The lattice cuts faces into similar triangles with edges of a pitch at most: no place is
     # farther from a corner than the circumradius, or half the longest edge of an obtuse one.
-    return candidates[chosen], float(farthest.max()) + _PROBE_PITCH / np.sqrt(3.0)
+    return candidates[chosen], float(np.max(farthest)) + _PROBE_PITCH / np.sqrt(3.0)
 
 
 def _lattice(pieces: tuple[TriangleMesh, ...]) -> Array:

@@ -73,9 +73,7 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
     angle = free = start
     for _ in range(_COARSE_STEPS):
         _place_finger(hand, finger, angle, min(ratio * angle, hand.distal_upper), R, t)
-        step_inner, d_inner = coarse_step(
-            hand, obj, inner_link, R, t, _COARSE_CLEARANCE, 0.0, 1.0
-        )
+        step_inner, d_inner = coarse_step(hand, obj, inner_link, R, t, _COARSE_CLEARANCE, 0.0, 1.0)
         step_distal, d_distal = coarse_step(
             hand, obj, distal_link, R, t, _COARSE_CLEARANCE, 1.0, ratio
         )
@@ -133,7 +131,7 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _advance_distal(hand, obj, finger, inner, start, gap, R, t, work):  # type: ignore[no-untyped-def]
+def _advance_distal(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Close the distal link alone; returns (distal angle, whether it touched)."""
     link = hand.distal_link[finger]
     angle = free = start
@@ -192,7 +190,7 @@ def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-un
         inner, what = _advance_both(hand, obj, finger, start, gap, R, t, work)
         distal = min(hand.ratio * inner, hand.distal_upper)
         if what == 1:
-            distal, _ = _advance_distal(hand, obj, finger, inner, distal, gap, R, t, work)
+            distal, _ = _advance_distal(hand, obj, finger, distal, gap, R, t, work)
         touched[finger] = what > 0
         touching += what > 0
         joints[hand.inner_joint[finger]] = inner

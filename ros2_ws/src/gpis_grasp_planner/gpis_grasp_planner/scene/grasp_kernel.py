@@ -89,7 +89,7 @@ def attempt_from(
         # The upper bound is what ranks, so that the overestimated would collect at the top.
         epsilon = fast_epsilon(W, directions, n_starts_good)
     goes_back = epsilon > 0.0 and retreat > 0.0
-    if goes_back and not retreat_is_free(hand, obj, T, start, retreat, 6, R, t, work):
+    if goes_back and not retreat_is_free(hand, obj, T, start, retreat, 6, R, t):
         return NO_WAY_BACK, k, -1.0, 0.0
     return GRASPED, k, epsilon, volume_estimate(W, k)
 

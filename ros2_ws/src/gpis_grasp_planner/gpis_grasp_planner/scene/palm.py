@@ -45,9 +45,7 @@ def hand_gap(hand, obj, R, t, limit, work):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def clear_palm(
-    hand, obj, T, normal, joints, step, reach, turn, gap, standoff, R, t, work
-):  # type: ignore[no-untyped-def]
+def clear_palm(hand, obj, T, normal, joints, step, reach, turn, gap, standoff, R, t, work):  # type: ignore[no-untyped-def]
     """Move the open hand along `normal` until it is free (Alg. 2), in place in T.
 
     Parameters
@@ -121,7 +119,7 @@ def clear_palm(
 
 
 @njit(cache=True, nogil=True)
-def retreat_is_free(hand, obj, T, joints, distance, steps, R, t, work):  # type: ignore[no-untyped-def]
+def retreat_is_free(hand, obj, T, joints, distance, steps, R, t):  # type: ignore[no-untyped-def]
     """Whether the open hand can go back along the palm's -z by `distance` without touching."""
     back = T.copy()
     for k in range(1, steps + 1):
