@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 _CONTROL_S = 1.0 / 120.0
 _FIXTURE_KG = 1e4
+_TOUCH_N = 0.1
 _SUPPORTED_KG = 5.0
 _SUPPORT_DAMPING = 50.0
 # Share of a sticking contact's drift that the friction anchor takes back in a step. Without the
@@ -136,6 +137,7 @@ class TrialWorld:
         client.resetBasePositionAndOrientation(self._object, position, quat_xyzw)
         client.resetBaseVelocity(self._object, [0.0] * 3, [0.0] * 3)
         set_mass(client, self._object, _FIXTURE_KG, self._moments)
+        self._damp(_SUPPORT_DAMPING)
         self.drives = [
             FingerDrive(client, self.hand, finger, bodies, self.settings)
             for finger in self.hand.fingers
@@ -160,12 +162,9 @@ class TrialWorld:
         """
         client, body = self.client, self._object
         set_mass(client, body, _SUPPORTED_KG, self._moments)
-        client.changeDynamics(
-            body, -1, linearDamping=_SUPPORT_DAMPING, angularDamping=_SUPPORT_DAMPING
-        )
         self.run(self.settings.settling_time_s)
         set_mass(client, body, self.settings.mass_kg, self._moments)
-        client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
+        self._damp(0.0)
         client.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
         self.run(0.5 * self.settings.settling_time_s)
 
@@ -233,8 +232,16 @@ class TrialWorld:
         return {
             drive.finger.inner_link
             for drive in waiting
-            if self.client.getContactPoints(self._object, self._bodies.fingers, -1, drive.inner)
+            if self._press_of(self._bodies.fingers, drive.inner) > _TOUCH_N
         }
+
+    def _press_of(self, body: int, link: int) -> float:
+        """Sum of the normal forces [N] between the part and a link; near points have none."""
+        found = self.client.getContactPoints(self._object, body, -1, link)
+        return float(sum(row[9] for row in found))
+
+    def _damp(self, rate: float) -> None:
+        self.client.changeDynamics(self._object, -1, linearDamping=rate, angularDamping=rate)
 
     def _surface(self, body: int, link: int, friction: float) -> None:
         self.client.changeDynamics(

@@ -1,0 +1,72 @@
+"""The convex cover: nothing sticks out, and nothing of the surface is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree, nearest_point
+from gpis_grasp_planner.verification.convex_cover import convex_cover
+
+TOLERANCE = 2e-4
+
+
+def cover_of(part: Part) -> tuple[list[np.ndarray], DistanceField, TriangleTree]:
+    field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)
+    return convex_cover(part.mesh, field, tree, TOLERANCE), field, tree
+
+
+def outside(points: np.ndarray, field: DistanceField, tree: TriangleTree) -> np.ndarray:
+    """Exact distance of points from the mesh where they are outside, else 0."""
+    found = np.zeros(len(points))
+    for i in np.flatnonzero(field.value(points) > 0.0):
+        x, y, z = points[i]
+        found[i], _, _ = nearest_point(
+            x, y, z, 0.01, tree.triangles, tree.lower, tree.upper, tree.child, np.empty(3)
+        )
+    return found
+
+
+@pytest.mark.parametrize("mesh_id", ["coupling_hub", "bracket"])
+def test_pieces_are_the_part_within_tolerance(mesh_id: str, rng: np.random.Generator) -> None:
+    part = MeshCatalogue([default_catalogue_directory()]).load(mesh_id)
+    pieces, field, tree = cover_of(part)
+    hulls = [ConvexHull(piece, qhull_options="QJ") for piece in pieces]
+    # Nothing sticks out: points on the pieces' surfaces.
+    over = np.concatenate(
+        [
+            outside(
+                np.einsum("fc,fcd->fd", rng.dirichlet([1, 1, 1], len(h.simplices)), p[h.simplices]),
+                field,
+                tree,
+            )
+            for p, h in zip(pieces, hulls, strict=True)
+        ]
+    )
+    print(f"{len(pieces)} pieces, stick out by {1e3 * over.max():.2f} mm at most")
+    assert over.max() < 6e-4
+    assert np.quantile(over, 0.99) < 1.2 * TOLERANCE
+    # Nothing is missing: points on the mesh are in a piece, or hardly out of the nearest.
+    weights = rng.dirichlet([1, 1, 1], 2000)
+    faces = rng.choice(
+        len(part.mesh.faces), 2000, p=part.mesh.face_areas / part.mesh.face_areas.sum()
+    )
+    points = np.einsum("nc,ncd->nd", weights, part.mesh.triangles[faces])
+    gap = np.full(len(points), np.inf)
+    for hull in hulls:
+        height = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+        gap = np.minimum(gap, height.max(axis=1))
+    print(f"farthest from the pieces {1e3 * gap.max():.3f} mm")
+    assert np.quantile(gap, 0.995) < 5e-5
+    assert gap.max() < 3e-4
+
+
+def test_a_convex_part_is_itself(bar: Part) -> None:
+    pieces, _, _ = cover_of(bar)
+    everything = ConvexHull(np.concatenate(pieces))
+    assert everything.volume == pytest.approx(bar.volume, rel=1e-6)
+    assert len(pieces) < 12
