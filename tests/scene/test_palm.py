@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.planning.evaluator import AttemptStatus
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -111,15 +113,16 @@ def test_small_objects_within_a_link_are_found(scene, rng):
 
 def test_a_wall_behind_the_hand_is_no_way_back(scene, rng):
     s = scene("walled box")
-    n = 60
-    T = np.tile(transform(np.eye(3), [0.0, 0.0, -0.04 - 0.0793 - 0.001]), (n, 1, 1))
-    T[:, :2, 3] = rng.uniform(-0.01, 0.01, (n, 2))
+    n = 200
+    yaw = Rotation.from_rotvec(
+        rng.uniform(0.0, 2.0 * np.pi, (n, 1)) * np.array([0.0, 0.0, 1.0])
+    ).as_matrix()
+    T = transform(yaw, np.column_stack([rng.uniform(-0.01, 0.01, (n, 2)), np.full(n, -0.1203)]))
     spread = rng.uniform(0.0, 1.0, n)
+    rough = Friction(1.0, 1.0)
     status, epsilon = {}, {}
     for retreat in (0.0, 0.02, 0.1):
-        evaluator = CompiledEvaluator(
-            s.hand, s.part, s.evaluator.friction, replace(s.settings, retreat_m=retreat)
-        )
+        evaluator = CompiledEvaluator(s.hand, s.part, rough, replace(s.settings, retreat_m=retreat))
         a = evaluator.attempt(T, spread)
         status[retreat], epsilon[retreat] = a.status, a.epsilon
     closed = epsilon[0.0] > 0.0
