@@ -45,7 +45,8 @@ def main() -> None:
             print(
                 f"{mesh_id}: {len(grasps)} grasps, {sum(v.held for v in found)} hold, "
                 f"{processes} processes: {wall_s:.1f} s; cover {cover_s:.1f} s ({pieces} pieces); "
-                f"{spent / len(found):.2f} s a grasp, {spent / max(directions, 1):.3f} s a direction"
+                f"{spent / len(found):.2f} s a grasp, "
+                f"{spent / max(directions, 1):.3f} s a direction"
             )
 
 

@@ -9,14 +9,17 @@ hand is a body of its own here, placed by the hand's kinematics.
 
 from __future__ import annotations
 
+import importlib
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Self
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
@@ -27,6 +30,22 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 
 Array = NDArray[np.float64]
+
+
+def _import_quietly() -> ModuleType:
+    """Import pybullet, whose C code greets on the standard error stream."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open("wb") as nothing:
+            os.dup2(nothing.fileno(), 2)
+            return importlib.import_module("pybullet")
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+pybullet = _import_quietly()
 
 HULL_MARGIN_M = 1e-5
 _SAME_DISTANCE = 1.001
@@ -47,7 +66,6 @@ class BulletClient:
 
     def __init__(self, client_id: int):
         self.client_id = client_id
-        self.api: ModuleType = pybullet
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(pybullet, name)
