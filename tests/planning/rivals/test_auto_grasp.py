@@ -37,9 +37,22 @@ def test_strict_energy_knows_no_zero():
     assert strict_energy(0.0) == HOLDS_NOTHING == 1e8
 
 
-def test_an_evaluator_without_postures_is_refused(box, make_context, recording_evaluator):
-    with pytest.raises(RequestError, match="RecordingEvaluator"):
-        AutoGraspAnnealing(make_context(box, evaluator=recording_evaluator()))
+class ClosesOnly:
+    """An evaluator of open hands."""
+
+    friction = None
+    n_attempts = 0
+
+    def attempt(self, T_object_palm, spread):
+        raise AssertionError
+
+    def clear_palm(self, T_object_palm, normals_outward, spread, standoff):
+        raise AssertionError
+
+
+def test_an_evaluator_without_postures_is_refused(box, make_context):
+    with pytest.raises(RequestError, match="ClosesOnly"):
+        AutoGraspAnnealing(make_context(box, evaluator=ClosesOnly()))
 
 
 def test_closing_from_an_open_posture_is_the_plain_attempt(box, make_context, random_states, rng):
