@@ -35,7 +35,7 @@ from gpis_grasp_planner.surface.implicit_surface import fit_part
 
 _KEPT_OBJECTS = 4
 _PROGRESS_INTERVAL_S = 0.1
-_SECONDS_PER_FINALIST = 0.07
+_SECONDS_PER_FINALIST = 0.09
 _SECONDS_AFTER_CANCEL = 0.2
 
 
