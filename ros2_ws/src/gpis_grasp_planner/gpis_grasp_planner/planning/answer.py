@@ -26,7 +26,7 @@ from gpis_grasp_planner.planning.clearance import (
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.obstacles import Surroundings
 from gpis_grasp_planner.planning.pregrasp import narrow_pregrasp
-from gpis_grasp_planner.planning.ranking import distinct
+from gpis_grasp_planner.planning.ranking import answer_rank, distinct
 from gpis_grasp_planner.planning.request import PlanResult
 
 Array = NDArray[np.float64]
@@ -165,8 +165,8 @@ def _best(
     if not clear:
         return []
     weight = float(result.settings.get("hpp", {}).get("volume_weight", 0.0))
-    value = np.array([kept[i].epsilon + weight * kept[i].volume for i in clear])
-    order = np.argsort(-value, kind="stable")
+    ranks = [answer_rank(kept[i], weight) for i in clear]
+    order = np.array(sorted(range(len(clear)), key=ranks.__getitem__))
     T = np.stack([kept[i].T_object_palm for i in clear])
     wanted = int(np.ceil(_SPARE * n))
     first = distinct(T, order, result.torque_scale, wanted)
@@ -181,7 +181,7 @@ def _best(
             grasp = replace(grasp, epsilon=exact.epsilon, volume=exact.volume)
         if grasp.feasible:
             chosen.append((grasp, i))
-    chosen.sort(key=lambda pair: -(pair[0].epsilon + weight * pair[0].volume))
+    chosen.sort(key=lambda pair: answer_rank(pair[0], weight))
     return chosen[:n]
 
 

@@ -11,7 +11,7 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.evaluator import Attempts
 from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.ranking import DISTINCT, Candidate
+from gpis_grasp_planner.planning.ranking import DISTINCT, Candidate, answer_rank
 from gpis_grasp_planner.planning.reserve import Reserve
 from gpis_grasp_planner.quality.wrench_space import grasp_quality
 
@@ -46,7 +46,7 @@ def choose_finalists(
         if grasp.feasible:
             grasps.append(grasp)
     weight = context.settings.hpp.volume_weight
-    grasps.sort(key=lambda g: -(g.epsilon + weight * g.volume))
+    grasps.sort(key=lambda g: answer_rank(g, weight))
     return tuple(grasps[:n_grasps])
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.planning.trials import Trials
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
 
@@ -33,6 +34,10 @@ class Grasp:
         Unit vector along which the palm comes (its z axis).
     approach_distance : float [m]
         The open hand is known to be free this far back along it.
+    trials : Trials or None
+        What physics said; None where the grasp was not tried.
+    hold_probability : float or None
+        Under the covariance of a pose estimate; None where none was given.
     """
 
     T_object_palm: Array
@@ -43,6 +48,8 @@ class Grasp:
     volume: float
     approach_direction: Array
     approach_distance: float
+    trials: Trials | None = None
+    hold_probability: float | None = None
 
     @property
     def feasible(self) -> bool:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.transforms import rotation_angle
 from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
+from gpis_grasp_planner.planning.grasp import Grasp
 
 Array = NDArray[np.float64]
 
@@ -63,6 +64,23 @@ class Candidate:
     def spread(self) -> float:
         """Spread of the open hand [rad]."""
         return float(self.attempts.spread[self.index])
+
+
+def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
+    """Sort key of an answer's grasps, best first.
+
+    Grasps that physics held come before untried ones, and those before grasps that failed; within
+    each, the likelier to hold under the pose's covariance, then more trials passed, then
+    epsilon + lambda volume.
+    """
+    trials = grasp.trials
+    standing = 0.0 if trials is None else (1.0 if trials.held else -1.0)
+    return (
+        -standing,
+        -(grasp.hold_probability or 0.0),
+        -float(trials.n_passed if trials is not None else 0),
+        -(grasp.epsilon + volume_weight * grasp.volume),
+    )
 
 
 class GraspArchive:

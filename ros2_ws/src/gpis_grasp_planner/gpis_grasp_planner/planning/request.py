@@ -21,6 +21,8 @@ GRASP_COUNT_RANGE = (1, 200)
 FRICTION_RANGE = (0.01, 5.0)
 DEFAULT_FRICTION = Friction(finger=0.6, palm=0.6)
 SEED_LIMIT = 2**63 - 1
+# "none": nothing is tried. "rank": grasps that hold come first. "require": no others are answered.
+VERIFICATIONS = ("none", "rank", "require")
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class PlanRequest:
     surroundings : Surroundings or None
         In the object's frame. Where given, only grasps that are clear of it are looked for; a
         result without serves every pose of the part (`planning.answer`).
+    verification : str
+        One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
     """
 
     planner: str = "dual"
@@ -52,6 +56,7 @@ class PlanRequest:
     friction: Friction | None = None
     max_evaluations: int | None = None
     surroundings: Surroundings | None = None
+    verification: str = "none"
 
     def __post_init__(self) -> None:
         low, high = TIME_BUDGET_RANGE_S
@@ -73,6 +78,12 @@ class PlanRequest:
         if self.max_evaluations is not None and self.max_evaluations < 1:
             raise RequestError(
                 f"The limit of evaluations is {self.max_evaluations}; give at least 1, or none."
+            )
+        if self.verification not in VERIFICATIONS:
+            raise RequestError(
+                f"The verification is '{self.verification}'; choose one of "
+                f"{', '.join(VERIFICATIONS)}.",
+                ErrorCode.INVALID_SETTING,
             )
         for name in ("finger", "palm"):
             if self.friction is not None:

@@ -1,0 +1,61 @@
+"""What physics said about a grasp, as planning and its answers carry it.
+
+The trials themselves are made in ``verification``, above this folder; here is only their record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class TrialOutcome:
+    """One trial of one grasp.
+
+    Attributes
+    ----------
+    name : str
+        What was tried, such as "strict, friction 0.6, 0.1 kg".
+    passed : bool
+    cause : str
+        Why it failed; empty where it passed.
+    slip_m, rotation_rad : float
+        Largest motion of the part against the palm.
+    """
+
+    name: str
+    passed: bool
+    cause: str = ""
+    slip_m: float = 0.0
+    rotation_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trials:
+    """The trials of one grasp in the order in which they were made.
+
+    The first is the nominal one and decides whether the grasp holds; the further ones (less
+    friction, the CAD mass, displaced parts) say with how much to spare.
+    """
+
+    outcomes: tuple[TrialOutcome, ...]
+
+    @property
+    def held(self) -> bool:
+        """Whether the grasp passed the nominal trial."""
+        return bool(self.outcomes) and self.outcomes[0].passed
+
+    @property
+    def n_passed(self) -> int:
+        """How many trials the grasp passed."""
+        return sum(outcome.passed for outcome in self.outcomes)
+
+    @property
+    def largest_slip_m(self) -> float:
+        """Over the trials passed; 0 where none was."""
+        return max((o.slip_m for o in self.outcomes if o.passed), default=0.0)
+
+    @property
+    def largest_rotation_rad(self) -> float:
+        """Over the trials passed; 0 where none was."""
+        return max((o.rotation_rad for o in self.outcomes if o.passed), default=0.0)
