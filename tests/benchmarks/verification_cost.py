@@ -15,8 +15,8 @@ from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalog
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.planner import GraspPlanner
 from gpis_grasp_planner.planning.request import PlanRequest
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.protocol import prepare, verify
-from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def main() -> None:

@@ -23,9 +23,9 @@ from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.planner import GraspPlanner
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.request import PlanRequest
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.protocol import prepare, verify
 from gpis_grasp_planner.verification.result import Verification
-from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def plan(planner: GraspPlanner, part: Part, seconds: float, n_grasps: int) -> tuple[Grasp, ...]:

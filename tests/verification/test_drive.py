@@ -10,8 +10,8 @@ import pytest
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.drive import Phase
-from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.trial import TrialWorld
 
 

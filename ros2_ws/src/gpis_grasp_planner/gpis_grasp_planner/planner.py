@@ -7,9 +7,9 @@ the ROS node and the command line call nothing below it.
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,13 +25,16 @@ from gpis_grasp_planner.planning.evaluator import GraspEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.planners import check_planner, make_search
-from gpis_grasp_planner.planning.ranking import GraspArchive
+from gpis_grasp_planner.planning.ranking import GraspArchive, answer_rank
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult, Progress
+from gpis_grasp_planner.planning.reserve import Reserve
 from gpis_grasp_planner.planning.settings import PlannerSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 from gpis_grasp_planner.surface.implicit_surface import fit_part
+from gpis_grasp_planner.verification.cases import finalist_cases
+from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
 
 _KEPT_OBJECTS = 4
 _PROGRESS_INTERVAL_S = 0.1
@@ -109,8 +112,33 @@ class GraspPlanner:
         """
         start = time.monotonic()
         check_planner(request.planner)
-        friction = request.friction_for(part.friction)
         prepared = self.prepare(part)
+        if request.verification == "none":
+            return self._plan_in_scene(
+                part, request, prepared, None, start, on_progress, should_stop
+            )
+        # Forks, and so before the scene has clients: the cover is made while the search runs.
+        trials = FinalistTrials(
+            part, self.hand, self.settings.verification, prepared.field, prepared.tree
+        )
+        try:
+            return self._plan_in_scene(
+                part, request, prepared, trials, start, on_progress, should_stop
+            )
+        finally:
+            trials.close()
+
+    def _plan_in_scene(
+        self,
+        part: Part,
+        request: PlanRequest,
+        prepared: PreparedObject,
+        trials: FinalistTrials | None,
+        start: float,
+        on_progress: Callable[[Progress], None] | None,
+        should_stop: Callable[[], bool] | None,
+    ) -> PlanResult:
+        friction = request.friction_for(part.friction)
         scene = self.settings.scene
         if scene.search_evaluator == "bullet":
             if request.surroundings is not None:
@@ -122,7 +150,9 @@ class GraspPlanner:
                 self.hand, part, friction, scene, prepared.field, prepared.tree
             )
             with bullet:
-                return self._plan(part, request, prepared, bullet, start, on_progress, should_stop)
+                return self._plan(
+                    part, request, prepared, bullet, trials, start, on_progress, should_stop
+                )
         compiled = CompiledEvaluator(
             self.hand, part, friction, scene, prepared.field, prepared.tree
         )
@@ -131,7 +161,9 @@ class GraspPlanner:
             evaluator = ClearEvaluator(
                 compiled, self.hand, request.surroundings, ClearanceSettings(), scene.retreat_m
             )
-        return self._plan(part, request, prepared, evaluator, start, on_progress, should_stop)
+        return self._plan(
+            part, request, prepared, evaluator, trials, start, on_progress, should_stop
+        )
 
     def _plan(
         self,
@@ -139,6 +171,7 @@ class GraspPlanner:
         request: PlanRequest,
         prepared: PreparedObject,
         evaluator: GraspEvaluator,
+        trials: FinalistTrials | None,
         start: float,
         on_progress: Callable[[Progress], None] | None,
         should_stop: Callable[[], bool] | None,
@@ -157,6 +190,8 @@ class GraspPlanner:
         )
         search = make_search(request.planner, context)
         reserve = min(0.4 * request.time_budget_s, _SECONDS_PER_FINALIST * request.n_grasps)
+        if trials is not None:
+            reserve += self.settings.verification.budget_share * request.time_budget_s
         search_end = start + request.time_budget_s - reserve
         convergence: list[tuple[float, int, float]] = []
         cancelled = stepped = False
@@ -193,13 +228,23 @@ class GraspPlanner:
         grasps = choose_finalists(context, request.n_grasps, deadline)
         found = len(grasps)
         grasps, notes = self._confirmed(part, friction, prepared, grasps)
-        best = archive.best_attempt
         code, message = _verdict(part, evaluator.n_attempts, found, len(grasps), cancelled)
+        best = archive.best_attempt
+        best_attempt = grasp_of(best, context) if best is not None and not grasps else None
+        further = choose_reserve(context, grasps)
+        if trials is not None and grasps and not cancelled:
+            tried = self._tried(part, request, grasps, further, trials, deadline, should_stop)
+            notes += (_trial_note(tried),)
+            held = tuple(g for g in tried if g.trials is not None and g.trials.held)
+            grasps = held if request.verification == "require" else tried
+            if not grasps:
+                code, message = _nothing_holds(part, tried)
+                best_attempt = tried[0]
         return PlanResult(
             code=code,
             message=message,
-            grasps=grasps,
-            best_attempt=grasp_of(best, context) if best is not None and not grasps else None,
+            grasps=grasps[: request.n_grasps],
+            best_attempt=best_attempt,
             mesh_id=part.mesh_id,
             mesh_hash=part.mesh.content_hash,
             center_of_mass=part.center_of_mass,
@@ -217,8 +262,35 @@ class GraspPlanner:
             evaluations=evaluator.n_attempts,
             notes=part.notes + notes,
             convergence=tuple(convergence),
-            reserve=choose_reserve(context, grasps),
+            reserve=further,
         )
+
+    def _tried(
+        self,
+        part: Part,
+        request: PlanRequest,
+        grasps: tuple[Grasp, ...],
+        reserve: Reserve,
+        trials: FinalistTrials,
+        deadline: float | None,
+        should_stop: Callable[[], bool] | None,
+    ) -> tuple[Grasp, ...]:
+        """The grasps, and those of the reserve that held, with their trials, best first."""
+        settings = self.settings.verification
+        cases = finalist_cases(part, request.friction_for(part.friction), settings, request.seed)
+        more = reserve.estimates
+        if deadline is None:  # nothing would end it: each grasp is tried once
+            cases, more = cases[:1], ()
+        found = trials.run((*grasps, *more), cases, deadline, should_stop)
+        n = len(grasps)
+        tried = [replace(g, trials=t) for g, t in zip(grasps, found[:n], strict=True)]
+        tried += [
+            replace(reserve.exact(i), trials=t)
+            for i, t in enumerate(found[n:])
+            if t is not None and t.held
+        ]
+        weight = self.settings.hpp.volume_weight
+        return tuple(sorted(tried, key=lambda grasp: answer_rank(grasp, weight)))
 
     def _confirmed(
         self,
@@ -241,6 +313,29 @@ class GraspPlanner:
             if look.contacts_confirmed and look.penetration_m <= scene.confirm_tolerance_m
         )
         return kept, (f"PyBullet's scene confirmed {len(kept)} of {len(grasps)} grasps.",)
+
+
+def _trial_note(tried: Sequence[Grasp]) -> str:
+    """How many of the grasps were tried in physics, and how many held."""
+    outcomes = [grasp.trials for grasp in tried if grasp.trials is not None]
+    held = sum(trials.held for trials in outcomes)
+    return (
+        f"In physics {held} of {len(outcomes)} grasps tried held; {len(tried) - len(outcomes)} "
+        "were not tried within the budget."
+    )
+
+
+def _nothing_holds(part: Part, tried: Sequence[Grasp]) -> tuple[ErrorCode, str]:
+    causes = Counter(grasp.trials.outcomes[0].cause for grasp in tried if grasp.trials is not None)
+    if not causes:
+        why = "none could be tried within the budget"
+    else:
+        why = ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
+    return (
+        ErrorCode.NO_GRASP_HOLDS,
+        f"None of {len(tried)} grasps of '{part.mesh_id}' was seen to hold in physics ({why}). "
+        "Give more time, or ask for grasps without that requirement.",
+    )
 
 
 def _verdict(

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
 
 CATALOGUE_GROUP = "catalogue"
-VERIFICATION_GROUP = "verification"
 
 
 def add_catalogue(parser: argparse.ArgumentParser) -> None:
@@ -61,16 +60,11 @@ def add_document(parser: argparse.ArgumentParser) -> None:
 
 
 def setting_classes() -> dict[str, type[SettingsGroup]]:
-    """All groups of settings by name: the planner's, the catalogue's, the verification's."""
+    """All groups of settings by name: the planner's and the catalogue's."""
     from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
     from gpis_grasp_planner.planning.settings import setting_groups
-    from gpis_grasp_planner.verification.settings import VerificationSettings
 
-    return {
-        **setting_groups(),
-        CATALOGUE_GROUP: CatalogueSettings,
-        VERIFICATION_GROUP: VerificationSettings,
-    }
+    return {**setting_groups(), CATALOGUE_GROUP: CatalogueSettings}
 
 
 def read_settings(

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gpis_grasp_planner.planning.grasp import Grasp
+    from gpis_grasp_planner.planning.verification_settings import VerificationSettings
     from gpis_grasp_planner.verification.result import Verification
-    from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,12 +93,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _settings(arguments: argparse.Namespace) -> VerificationSettings:
     from gpis_grasp_planner.errors import RequestError
-    from gpis_grasp_planner.verification.settings import VerificationSettings
+    from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 
     if arguments.cores < 1:
         raise RequestError(f"--cores is {arguments.cores}; give at least 1.")
     groups = options.read_groups(arguments.settings, arguments.assignments)
-    values = groups.get(options.VERIFICATION_GROUP, {})
+    values = groups.get("verification", {})
     asked = {"friction": arguments.friction, "mass_kg": arguments.mass}
     given = {name: value for name, value in asked.items() if value is not None}
     return VerificationSettings.from_mapping({**values, **given})

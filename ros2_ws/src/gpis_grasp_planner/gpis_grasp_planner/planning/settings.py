@@ -16,6 +16,7 @@ from gpis_grasp_planner.planning.search_settings import (
     HppSettings,
     RefinementSettings,
 )
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.settings import SettingsGroup
 from gpis_grasp_planner.surface.settings import SurfaceSettings
 
@@ -32,6 +33,7 @@ class PlannerSettings:
     dual: DualSettings = field(default_factory=DualSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
     rivals: RivalSettings = field(default_factory=RivalSettings)
+    verification: VerificationSettings = field(default_factory=VerificationSettings)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Values by group and name, ready for JSON."""

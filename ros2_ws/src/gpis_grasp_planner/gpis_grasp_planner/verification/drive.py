@@ -14,9 +14,9 @@ from enum import IntEnum
 import numpy as np
 
 from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import BulletClient
 from gpis_grasp_planner.verification.bodies import HandBodies
-from gpis_grasp_planner.verification.settings import VerificationSettings
 
 _STALLED = 0.1
 _STALL_TIME_S = 1.0 / 50.0

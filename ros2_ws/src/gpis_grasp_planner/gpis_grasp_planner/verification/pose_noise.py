@@ -14,9 +14,9 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.protocol import verify
 from gpis_grasp_planner.verification.result import Verification
-from gpis_grasp_planner.verification.settings import VerificationSettings
 
 Array = NDArray[np.float64]
 
@@ -55,6 +55,16 @@ def random_displacement(
     return transform(R, center + shift - R @ center)
 
 
+def displacements(part: Part, settings: VerificationSettings, seed: int) -> list[Array]:
+    """As many displacements (4, 4) as the settings ask for; the same seed gives the same."""
+    rng = np.random.default_rng(seed)
+    angle = np.radians(settings.noise_deg)
+    return [
+        random_displacement(rng, settings.noise_m, angle, part.center_of_mass)
+        for _ in range(settings.noise_repeats)
+    ]
+
+
 def verify_under_noise(
     part: Part,
     hand: HandDescription,
@@ -70,13 +80,7 @@ def verify_under_noise(
     displacements.
     """
     settings = settings or VerificationSettings()
-    rng = np.random.default_rng(seed)
-    moves = [
-        random_displacement(
-            rng, settings.noise_m, np.radians(settings.noise_deg), part.center_of_mass
-        )
-        for _ in range(settings.noise_repeats)
-    ]
+    moves = displacements(part, settings, seed)
     tried = [grasp for grasp in grasps for _ in moves]
     found = verify(part, hand, tried, settings, processes, displacements=moves * len(grasps))
     n = len(moves)

@@ -24,10 +24,10 @@ from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 from gpis_grasp_planner.verification.convex_cover import convex_cover
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
-from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.start import StartFinder
 from gpis_grasp_planner.verification.trial import Motion, TrialWorld
 
@@ -54,17 +54,35 @@ class PreparedPart:
 _prepared: OrderedDict[tuple[str, float], PreparedPart] = OrderedDict()
 
 
-def prepare(part: Part, settings: VerificationSettings) -> PreparedPart:
-    """Cover a part by convex pieces (1 to 5 s), once per mesh and tolerance."""
+def known(part: Part, settings: VerificationSettings) -> PreparedPart | None:
+    """What :func:`prepare` has made of a part already."""
     key = (part.mesh.content_hash, settings.cover_tolerance_m)
-    if key not in _prepared:
-        field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)
+    if key in _prepared:
+        _prepared.move_to_end(key)
+    return _prepared.get(key)
+
+
+def remember(part: Part, settings: VerificationSettings, prepared: PreparedPart) -> None:
+    """Keep a prepared part, and forget the one that was longest unused."""
+    _prepared[part.mesh.content_hash, settings.cover_tolerance_m] = prepared
+    while len(_prepared) > _KEPT_PARTS:
+        _prepared.popitem(last=False)
+
+
+def prepare(
+    part: Part,
+    settings: VerificationSettings,
+    field: DistanceField | None = None,
+    tree: TriangleTree | None = None,
+) -> PreparedPart:
+    """Cover a part by convex pieces (1 to 5 s), once per mesh and tolerance."""
+    found = known(part, settings)
+    if found is None:
+        field, tree = field or DistanceField.of(part.mesh), tree or TriangleTree.of(part.mesh)
         pieces = convex_cover(part.mesh, field, tree, settings.cover_tolerance_m)
-        _prepared[key] = PreparedPart(field, tree, tuple(pieces))
-        while len(_prepared) > _KEPT_PARTS:
-            _prepared.popitem(last=False)
-    _prepared.move_to_end(key)
-    return _prepared[key]
+        found = PreparedPart(field, tree, tuple(pieces))
+        remember(part, settings, found)
+    return found
 
 
 class Verifier:
@@ -104,6 +122,11 @@ class Verifier:
     def __exit__(self, *error: object) -> None:
         self.scene.__exit__(None, None, None)
         self.world.__exit__(None, None, None)
+
+    def use(self, settings: VerificationSettings) -> None:
+        """Go on with another friction and mass; other settings must be the same (0.1 ms)."""
+        self.settings = settings
+        self.world.use(settings)
 
     def verify(self, grasp: Grasp) -> Verification:
         """Try a grasp as it was planned."""

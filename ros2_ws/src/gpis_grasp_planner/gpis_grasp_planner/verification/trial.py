@@ -24,6 +24,7 @@ from gpis_grasp_planner.geometry.transforms import (
     transform,
 )
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import bullet_client
 from gpis_grasp_planner.verification.bodies import (
     LINK_MARGIN_M,
@@ -35,7 +36,6 @@ from gpis_grasp_planner.verification.bodies import (
     set_mass,
 )
 from gpis_grasp_planner.verification.drive import FingerDrive, Phase
-from gpis_grasp_planner.verification.settings import VerificationSettings
 
 Array = NDArray[np.float64]
 
@@ -146,6 +146,11 @@ class TrialWorld:
             FingerDrive(client, self.hand, finger, bodies, self.settings)
             for finger in self.hand.fingers
         ]
+
+    def use(self, settings: VerificationSettings) -> None:
+        """Take another friction and mass from the next :meth:`place` on."""
+        self.settings = settings
+        self._surface(self._object, -1, settings.friction)
 
     def close(self) -> bool:
         """Close the fingers; returns whether all of them press or came to their end in time."""

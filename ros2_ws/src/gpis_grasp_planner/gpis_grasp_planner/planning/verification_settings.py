@@ -15,6 +15,15 @@ class VerificationSettings(SettingsGroup):
         0.6, low=0.0, high=5.0, description="Coulomb friction between hand and object."
     )
     mass_kg: float = setting(0.1, low=1e-3, high=6.0, description="Mass of the object.")
+    low_friction: float = setting(
+        0.3, low=0.0, high=5.0, description="Friction of the trial with slippery fingers."
+    )
+    payload_kg: float = setting(
+        6.0,
+        low=0.01,
+        high=100.0,
+        description="Heavier parts are tried with mass_kg instead of their CAD mass.",
+    )
     acceleration_m_s2: float = setting(
         15.0, low=0.0, high=100.0, description="Acceleration along each of six directions."
     )
@@ -57,6 +66,15 @@ class VerificationSettings(SettingsGroup):
     lift_m: float = setting(0.2, low=0.0, high=2.0, description="Height of the table lift.")
     shake_m: float = setting(
         0.03, low=0.0, high=0.2, description="Way of the shake after the lift, each way."
+    )
+    processes: int = setting(
+        2, low=1, high=64, description="Finalists that are tried at a time, if there are cores."
+    )
+    budget_share: float = setting(
+        0.5,
+        low=0.05,
+        high=0.95,
+        description="Share of the time budget for the trials, where finalists are verified.",
     )
     rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
     solver_iterations: int = setting(
