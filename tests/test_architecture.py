@@ -24,6 +24,7 @@ LEVELS = (
     {"scene"},
     {"verification"},
     {"planner"},
+    {"placing"},
     {"view"},
     {"benchmark"},
     {"ros", "cli"},

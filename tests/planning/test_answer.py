@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.planning.answer import place_answer
-from gpis_grasp_planner.planning.clearance import Cause, ClearanceSettings
+from gpis_grasp_planner.planning.clearance import Cause
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.obstacles import BoxObstacle, SupportPlane, Surroundings
 from gpis_grasp_planner.planning.reserve import Reserve
 

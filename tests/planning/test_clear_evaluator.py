@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.planning.clear_evaluator import ClearEvaluator
-from gpis_grasp_planner.planning.clearance import ClearanceSettings
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.evaluator import AttemptStatus, PostureEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists
 from gpis_grasp_planner.planning.obstacles import SupportPlane, Surroundings

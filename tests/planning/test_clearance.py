@@ -12,7 +12,8 @@ from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.planning.clearance import Cause, ClearanceSettings, clear_grasps
+from gpis_grasp_planner.planning.clearance import Cause, clear_grasps
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.hand_motion import motions_of
 from gpis_grasp_planner.planning.obstacles import (

@@ -8,17 +8,16 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import ErrorCode, PoseError
 from gpis_grasp_planner.geometry.transforms import inverse, transform
+from gpis_grasp_planner.planning.covariance import check_covariance, covariance_in_object
 from gpis_grasp_planner.planning.evaluator import AttemptStatus
 from gpis_grasp_planner.planning.pose_uncertainty import (
-    UncertaintySettings,
-    check_covariance,
-    covariance_in_object,
     holds,
     perturbed_palms,
     random_perturbations,
     rank_under_uncertainty,
     sigma_points,
 )
+from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 
 NOISE = np.diag([0.005**2] * 3 + [np.deg2rad(5.0) ** 2] * 3)
 

@@ -6,6 +6,7 @@ the ROS node and the command line call nothing below it.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
@@ -19,7 +20,6 @@ from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.planning.clear_evaluator import ClearEvaluator
-from gpis_grasp_planner.planning.clearance import ClearanceSettings
 from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.evaluator import GraspEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve, grasp_of
@@ -65,20 +65,28 @@ class GraspPlanner:
         self.settings = settings or PlannerSettings()
         self.hand = load_hand(hand)
         self._prepared: OrderedDict[str, PreparedObject] = OrderedDict()
+        self._lock = threading.Lock()
 
     def prepare(self, part: Part) -> PreparedObject:
-        """Fit the surface and sample the distance field of a part (0.3 to 1.5 s), once."""
+        """Fit the surface and sample the distance field of a part (0.3 to 1.5 s), once.
+
+        May be called from several threads.
+        """
         key = part.mesh.content_hash
-        if key not in self._prepared:
-            self._prepared[key] = PreparedObject(
-                field=DistanceField.of(part.mesh, cells=self.settings.scene.field_cells),
-                tree=TriangleTree.of(part.mesh),
-                atlas=SurfaceAtlas(fit_part(part.mesh, self.settings.surface)),
-            )
+        with self._lock:
+            prepared = self._prepared.get(key)
+        # Made without the lock: who asks for another part that is known shall not wait.
+        prepared = prepared or PreparedObject(
+            field=DistanceField.of(part.mesh, cells=self.settings.scene.field_cells),
+            tree=TriangleTree.of(part.mesh),
+            atlas=SurfaceAtlas(fit_part(part.mesh, self.settings.surface)),
+        )
+        with self._lock:
+            self._prepared[key] = prepared
+            self._prepared.move_to_end(key)
             while len(self._prepared) > _KEPT_OBJECTS:
                 self._prepared.popitem(last=False)
-        self._prepared.move_to_end(key)
-        return self._prepared[key]
+        return prepared
 
     def plan(
         self,
@@ -159,7 +167,7 @@ class GraspPlanner:
         evaluator: GraspEvaluator = compiled
         if request.surroundings is not None:
             evaluator = ClearEvaluator(
-                compiled, self.hand, request.surroundings, ClearanceSettings(), scene.retreat_m
+                compiled, self.hand, request.surroundings, self.settings.clearance, scene.retreat_m
             )
         return self._plan(
             part, request, prepared, evaluator, trials, start, on_progress, should_stop

@@ -17,12 +17,8 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.clearance import (
-    Cause,
-    Clearance,
-    ClearanceSettings,
-    clear_grasps,
-)
+from gpis_grasp_planner.planning.clearance import Cause, Clearance, clear_grasps
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.obstacles import Surroundings
 from gpis_grasp_planner.planning.pregrasp import narrow_pregrasp
@@ -91,7 +87,9 @@ def place_answer(
     10 to 60 ms for each grasp that comes from the reserve, the first time.
     """
     lift = None if surroundings.support is None else surroundings.support.normal
-    kept = [*result.grasps, *result.reserve.estimates]
+    # Where only verified grasps may be answered, those of the reserve may not: nobody tried them.
+    spare = () if result.request.verification == "require" else result.reserve.estimates
+    kept = [*result.grasps, *spare]
     if not kept:
         return PlacedAnswer(result, (), {}, lift)
     if settings.pregrasp == "open":
@@ -105,16 +103,22 @@ def place_answer(
     chosen = _best(result, kept, clear, n, deadline)
     if not chosen:
         return PlacedAnswer(_nothing(result, found, blocked), (), blocked, lift)
-    grasps = [grasp for grasp, _ in chosen]
+    grasps = [replace(grasp, lift_direction=lift) for grasp, _ in chosen]
     clearances = [found[i] for _, i in chosen]
     if tree is not None:
         _narrow(grasps, clearances, hand, surroundings, settings, tree)
+    causes = f" ({causes_text(blocked)})" if blocked else ""
     message = (
         f"{len(grasps)} grasps of '{result.mesh_id}' clear of the surroundings, best first; "
-        f"{blocked.total()} of {len(kept)} kept are blocked."
+        f"{blocked.total()} of {len(kept)} kept are blocked{causes}."
     )
     answer = replace(result, grasps=tuple(grasps), code=ErrorCode.SUCCESS, message=message)
     return PlacedAnswer(answer, tuple(clearances), blocked, lift)
+
+
+def causes_text(blocked: Mapping[Cause, int]) -> str:
+    """Counts by cause, such as "palm 3, finger 12"."""
+    return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
 
 
 def _rescue(
@@ -188,11 +192,10 @@ def _best(
 def _nothing(result: PlanResult, found: Sequence[Clearance], blocked: Counter[Cause]) -> PlanResult:
     if not blocked:  # some were clear, and none of those has force closure
         return replace(result, grasps=(), code=ErrorCode.NO_FEASIBLE_GRASP)
-    causes = ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked[cause])
     nearest = Counter(c.nearest for c in found if not c.clear).most_common(1)[0][0]
     message = (
         f"All {blocked.total()} grasps kept of '{result.mesh_id}' are blocked at this pose "
-        f"({causes}; most often by '{nearest}'). Plan with the surroundings known, or move the "
-        "part or the obstacle."
+        f"({causes_text(blocked)}; most often by '{nearest}'). Plan with the surroundings known, "
+        "or move the part or the obstacle."
     )
     return replace(result, grasps=(), code=ErrorCode.ALL_GRASPS_BLOCKED, message=message)

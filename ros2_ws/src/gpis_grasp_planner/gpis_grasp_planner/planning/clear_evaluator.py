@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.clearance import Cause, ClearanceSettings, clearances
+from gpis_grasp_planner.planning.clearance import Cause, clearances
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.evaluator import (
     Attempts,
     AttemptStatus,

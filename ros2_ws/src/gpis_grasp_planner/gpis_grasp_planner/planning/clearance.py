@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.geometry.winding import winding_numbers
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.hand_motion import HandMotions, HandPieces, motions_of, shifted
 from gpis_grasp_planner.planning.obstacles import (
@@ -30,33 +31,9 @@ from gpis_grasp_planner.planning.obstacles import (
     Surroundings,
 )
 from gpis_grasp_planner.planning.sweep_distance import sweeps_to_mesh, sweeps_to_polytope
-from gpis_grasp_planner.settings import SettingsGroup, setting
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class ClearanceSettings(SettingsGroup):
-    """How far the hand keeps from everything but the part."""
-
-    margin_m: float = setting(
-        0.003,
-        low=1e-4,
-        high=0.1,
-        description="Smallest distance of hand and surroundings on the whole way to the grasp.",
-    )
-    pregrasp: str = setting(
-        "narrow",
-        choices=("open", "narrow"),
-        description="Approach with the fingers open, or just wide enough.",
-    )
-    pregrasp_clearance_m: float = setting(
-        0.015,
-        low=0.001,
-        high=0.1,
-        description="Distance that the fingers of a narrow pre-grasp keep from the part.",
-    )
 
 
 class Cause(StrEnum):

@@ -38,6 +38,8 @@ class Grasp:
         What physics said; None where the grasp was not tried.
     hold_probability : float or None
         Under the covariance of a pose estimate; None where none was given.
+    lift_direction : (3,) array or None
+        Unit vector away from the support that the part lies on; None where none is known.
     """
 
     T_object_palm: Array
@@ -50,6 +52,12 @@ class Grasp:
     approach_distance: float
     trials: Trials | None = None
     hold_probability: float | None = None
+    lift_direction: Array | None = None
+
+    @property
+    def way_out(self) -> Array:
+        """Unit vector to lift along: away from the support, else back against the approach."""
+        return -self.approach_direction if self.lift_direction is None else self.lift_direction
 
     @property
     def feasible(self) -> bool:

@@ -17,7 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw, inverse
+from gpis_grasp_planner.geometry.transforms import (
+    from_position_quat_xyzw,
+    inverse,
+    to_position_quat_xyzw,
+)
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
@@ -86,11 +90,15 @@ class BoxObstacle:
 
 @dataclass(frozen=True, eq=False)
 class MeshObstacle:
-    """A triangle mesh at a pose (4, 4); solid where it is closed."""
+    """A triangle mesh at a pose (4, 4); solid where it is closed.
+
+    `source` is what the mesh was loaded by: a catalogue ID or a file.
+    """
 
     pose: Array
     mesh: TriangleMesh
     name: str = "mesh"
+    source: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", _pose(self.pose, self.name))
@@ -128,6 +136,19 @@ class Surroundings:
 
     def __bool__(self) -> bool:
         return self.support is not None or bool(self.obstacles)
+
+    def as_mapping(self) -> dict[str, Any]:
+        """The JSON form, from which :meth:`from_mapping` makes the same surroundings."""
+        data: dict[str, Any] = {}
+        if (plane := self.support) is not None:
+            data["support"] = {
+                "name": plane.name,
+                "point": plane.point.tolist(),
+                "normal": plane.normal.tolist(),
+            }
+        if self.obstacles:
+            data["obstacles"] = [_entry(obstacle) for obstacle in self.obstacles]
+        return data
 
     def moved(self, T_new_old: ArrayLike) -> Surroundings:
         """The same surroundings in another frame."""
@@ -168,10 +189,10 @@ class Surroundings:
         RequestError
             INVALID_SCENE, for what is missing, unknown or not a number.
         """
-        _check_keys(data, {"support", "obstacles"}, "the surroundings")
+        check_keys(data, {"support", "obstacles"}, "the surroundings")
         support = None
         if (plane := data.get("support")) is not None:
-            _check_keys(plane, {"point", "normal", "name"}, "the support")
+            check_keys(plane, {"point", "normal", "name"}, "the support")
             support = SupportPlane(
                 plane.get("point", np.zeros(3)),
                 plane.get("normal", np.array([0.0, 0.0, 1.0])),
@@ -188,25 +209,51 @@ class Surroundings:
 def _obstacle(
     entry: Mapping[str, Any], k: int, load_mesh: Callable[[str], TriangleMesh] | None
 ) -> Obstacle:
-    _check_keys(entry, {"name", "position", "quat_xyzw", "size", "mesh"}, f"obstacle {k}")
+    check_keys(entry, {"name", "position", "quat_xyzw", "size", "mesh"}, f"obstacle {k}")
     name = str(entry.get("name", f"obstacle {k}"))
     if ("size" in entry) == ("mesh" in entry):
         raise _invalid(f"'{name}' must have either a 'size' (a box) or a 'mesh'.")
-    quat = _vector(entry.get("quat_xyzw", (0.0, 0.0, 0.0, 1.0)), f"quaternion of '{name}'", 4)
-    if abs(np.linalg.norm(quat) - 1.0) > 1e-3:
-        raise _invalid(
-            f"The quaternion of '{name}' has norm {np.linalg.norm(quat):.4f}; it must be 1."
-        )
-    position = _vector(entry.get("position", np.zeros(3)), f"position of '{name}'")
-    pose = from_position_quat_xyzw(position, quat)
+    pose = read_pose(entry, f"'{name}'")
     if "size" in entry:
         return BoxObstacle(pose, entry["size"], name)
     if load_mesh is None:
         raise _invalid(f"'{name}' is a mesh, and meshes are not taken here; give boxes.")
-    return MeshObstacle(pose, load_mesh(str(entry["mesh"])), name)
+    source = str(entry["mesh"])
+    return MeshObstacle(pose, load_mesh(source), name, source)
 
 
-def _check_keys(data: Any, known: set[str], what: str) -> None:
+def _entry(obstacle: Obstacle) -> dict[str, Any]:
+    position, quat_xyzw = to_position_quat_xyzw(obstacle.pose)
+    entry = {
+        "name": obstacle.name,
+        "position": position.tolist(),
+        "quat_xyzw": quat_xyzw.tolist(),
+    }
+    if isinstance(obstacle, BoxObstacle):
+        return {**entry, "size": obstacle.size.tolist()}
+    return {**entry, "mesh": obstacle.source}
+
+
+def read_pose(entry: Mapping[str, Any], what: str) -> Array:
+    """Pose (4, 4) of the fields "position" and "quat_xyzw"; what is not given is zero.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SCENE, naming `what`.
+    """
+    quat = _vector(entry.get("quat_xyzw", (0.0, 0.0, 0.0, 1.0)), f"quaternion of {what}", 4)
+    norm = float(np.linalg.norm(quat))
+    if abs(norm - 1.0) > 1e-3:
+        raise _invalid(
+            f"The quaternion of {what} has norm {norm:.4f}; it must be 1 (order x, y, z, w)."
+        )
+    position = _vector(entry.get("position", np.zeros(3)), f"position of {what}")
+    return from_position_quat_xyzw(position, quat / norm)
+
+
+def check_keys(data: Any, known: set[str], what: str) -> None:
+    """Refuse what is no mapping, or has other names than the known ones (INVALID_SCENE)."""
     if not isinstance(data, Mapping):
         raise _invalid(f"The description of {what} is a {type(data).__name__}; give an object.")
     if unknown := sorted(set(data) - known):

@@ -16,47 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.errors import ErrorCode, PoseError
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.planning.covariance import check_covariance
 from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus, PostureEvaluator
 from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.settings import SettingsGroup, setting
+from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 
 Array = NDArray[np.float64]
 
-_SYMMETRY = 1e-6
-_NEGATIVE = 1e-9
 _BATCH = 512
-
-
-@dataclass(frozen=True)
-class UncertaintySettings(SettingsGroup):
-    """How the hold probability under an uncertain pose is estimated."""
-
-    method: str = setting(
-        "sampled",
-        choices=("sampled", "unscented"),
-        description="Perturbations at random, or the sigma points of the unscented transform.",
-    )
-    samples: int = setting(
-        64, low=2, high=10_000, description="Random perturbations per grasp, about 1 ms each."
-    )
-    sigma_kappa: float = setting(
-        1.0,
-        low=0.0,
-        high=10.0,
-        description="Kappa of the sigma points: weight of the unperturbed pose, and their reach.",
-    )
-    min_epsilon: float = setting(
-        0.01, low=0.0, high=1.0, description="Epsilon above which a disturbed grasp counts as held."
-    )
-    give_way_m: float = setting(
-        0.0,
-        low=0.0,
-        high=0.05,
-        description="How far the part gives way to an open hand that arrives in it; 0: a miss.",
-    )
 
 
 @dataclass(frozen=True)
@@ -81,34 +50,6 @@ class HoldEstimate:
     standard_error: float
     expected_quality: float
     n: int
-
-
-def covariance_in_object(covariance: ArrayLike, R_world_object: ArrayLike) -> Array:
-    """A pose's covariance (6, 6) with the object's axes instead of the world's.
-
-    Order x, y, z, rotation about x, y, z, as in ROS: the rotations are about the fixed axes of
-    the frame in which the pose is given, through the object's origin.
-    """
-    turn = np.kron(np.eye(2), np.asarray(R_world_object, dtype=float).T)
-    return np.asarray(turn @ np.asarray(covariance, dtype=float) @ turn.T)
-
-
-def check_covariance(covariance: ArrayLike) -> Array:
-    """Return a covariance (6, 6), or raise PoseError (INVALID_COVARIANCE) saying what is wrong.
-
-    It must be finite, symmetric and without a negative variance in any direction. Zeros are
-    allowed: what is known exactly.
-    """
-    C = np.asarray(covariance, dtype=float)
-    if C.shape != (6, 6) or not np.isfinite(C).all():
-        raise _invalid(f"has shape {C.shape} or entries that are not finite; give 36 numbers")
-    scale = max(float(np.abs(C).max()), 1e-300)
-    if np.abs(C - C.T).max() > _SYMMETRY * scale:
-        raise _invalid(f"differs from its transpose by {np.abs(C - C.T).max():.3g}")
-    least = float(np.linalg.eigvalsh(0.5 * (C + C.T))[0])
-    if least < -_NEGATIVE * scale:
-        raise _invalid(f"has the eigenvalue {least:.3g}; a variance is not negative")
-    return 0.5 * (C + C.T)
 
 
 def random_perturbations(covariance: Array, n: int, rng: np.random.Generator) -> Array:
@@ -266,11 +207,3 @@ def _root(covariance: Array) -> Array:
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
     return np.asarray(scale[:, None] * axes * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _invalid(what: str) -> PoseError:
-    return PoseError(
-        f"The covariance of the pose {what}. Give a symmetric 6 x 6 matrix without negative "
-        "variances, in the order x, y, z, rotation about x, y, z.",
-        ErrorCode.INVALID_COVARIANCE,
-    )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.rivals.settings import RivalSettings
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.planning.search_settings import (
@@ -16,6 +17,7 @@ from gpis_grasp_planner.planning.search_settings import (
     HppSettings,
     RefinementSettings,
 )
+from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.settings import SettingsGroup
 from gpis_grasp_planner.surface.settings import SurfaceSettings
@@ -34,6 +36,8 @@ class PlannerSettings:
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
     rivals: RivalSettings = field(default_factory=RivalSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
+    clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
+    uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Values by group and name, ready for JSON."""

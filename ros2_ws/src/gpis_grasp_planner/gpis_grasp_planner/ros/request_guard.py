@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.planning.covariance import check_covariance
 from gpis_grasp_planner.planning.request import TIME_BUDGET_RANGE_S, PlanRequest
 from gpis_grasp_planner.ros.settings import PLANNER_NAMES, NodeSettings
 from gpis_grasp_planner.ros.text import printable
@@ -116,7 +117,7 @@ def check_pose(
     """
     check_frame(raw)
     T_world_object, note = _checked_transform(raw)
-    covariance = None if raw.covariance is None else check_covariance(raw)
+    covariance = _known_covariance(raw)
     stamp_ns = _checked_stamp(raw, now_ns, now_steady_s, settings)
     return ObjectPose(T_world_object, raw.frame_id, stamp_ns, covariance, note)
 
@@ -130,24 +131,6 @@ def check_frame(raw: RawPose) -> None:
             "'_./~:-'. Set header.frame_id to the frame the pose is expressed in.",
             ErrorCode.EMPTY_FRAME,
         )
-
-
-def check_covariance(raw: RawPose) -> Array | None:
-    """Covariance (6, 6), or None where it is all zero, which says that it is not known."""
-    C = np.array(raw.covariance, dtype=float).reshape(6, 6)
-    if not np.isfinite(C).all():
-        problem = "has entries that are not finite"
-    elif np.abs(C - C.T).max() > 1e-6 * max(np.abs(C).max(), 1e-12):
-        problem = f"is not symmetric (largest difference {np.abs(C - C.T).max():.3g})"
-    elif (smallest := float(np.linalg.eigvalsh(C)[0])) < -1e-6 * max(np.abs(C).max(), 1e-12):
-        problem = f"has the negative eigenvalue {smallest:.3g}; the limit is 0"
-    else:
-        return C if C.any() else None
-    raise PoseError(
-        f"The covariance of {raw.source} {problem}. Send a valid one, or all zeros if it is not "
-        "known.",
-        ErrorCode.INVALID_COVARIANCE,
-    )
 
 
 def _checked_transform(raw: RawPose) -> tuple[Array, tuple[str, ...]]:
@@ -175,6 +158,14 @@ def _checked_transform(raw: RawPose) -> tuple[Array, tuple[str, ...]]:
     if abs(norm - 1.0) > 1e-6:
         notes = (f"The quaternion of {raw.source} had the norm {norm:.6g} and was normalised.",)
     return from_position_quat_xyzw(values[:3], values[3:] / norm), notes
+
+
+def _known_covariance(raw: RawPose) -> Array | None:
+    """Covariance (6, 6), or None where it is all zero, which says that it is not known."""
+    if raw.covariance is None:
+        return None
+    C = check_covariance(np.array(raw.covariance, dtype=float).reshape(6, 6), raw.source)
+    return C if C.any() else None
 
 
 def _checked_stamp(raw: RawPose, now_ns: int, now_steady_s: float, settings: NodeSettings) -> int:

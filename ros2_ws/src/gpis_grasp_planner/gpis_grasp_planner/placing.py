@@ -1,0 +1,233 @@
+"""A plan for one place: clear of its surroundings, ranked under the pose's uncertainty.
+
+The node and the command line both go through here. :func:`place_result` takes a plan that exists,
+:func:`plan_around` searches anew with the surroundings known, and :func:`plan_at` does the one and,
+where that leaves nothing, the other.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.planner import GraspPlanner
+from gpis_grasp_planner.planning.answer import PlacedAnswer, causes_text, place_answer
+from gpis_grasp_planner.planning.clearance import Clearance
+from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.place import Place
+from gpis_grasp_planner.planning.pose_uncertainty import rank_under_uncertainty
+from gpis_grasp_planner.planning.ranking import answer_rank
+from gpis_grasp_planner.planning.request import (
+    TIME_BUDGET_RANGE_S,
+    PlanRequest,
+    PlanResult,
+    Progress,
+)
+from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+
+# A search that has to be made anew gets at least this share of the time budget, whatever the
+# first one has left of it.
+SECOND_SEARCH = 0.5
+
+
+def place_result(
+    planner: GraspPlanner,
+    part: Part,
+    result: PlanResult,
+    place: Place,
+    *,
+    n_grasps: int | None = None,
+    deadline: float | None = None,
+) -> PlacedAnswer:
+    """Choose and rank the grasps of a plan for one place of the part.
+
+    Parameters
+    ----------
+    planner : GraspPlanner
+        Its settings `clearance` and `uncertainty` hold; what it prepared for the part is used.
+    part : Part
+    result : PlanResult
+        Of this part, made without surroundings or with these.
+    place : Place
+    n_grasps : int, optional
+        At most; as many as the plan's request asked for if not given.
+    deadline : float, optional
+        Time of ``time.monotonic`` after which nothing further is begun; one grasp is always
+        looked at.
+
+    Returns
+    -------
+    PlacedAnswer
+        Its result has the code SUCCESS, ALL_GRASPS_BLOCKED, or that of a plan without grasps.
+
+    Raises
+    ------
+    PoseError
+        INVALID_COVARIANCE.
+
+    Notes
+    -----
+    With surroundings as `planning.answer.place_answer`, some 0.1 s; with a covariance about 1 ms
+    more for each grasp and perturbation (default 20 times 64).
+    """
+    n = result.request.n_grasps if n_grasps is None else n_grasps
+    settings = planner.settings
+    wanted = n
+    if place.covariance is not None:
+        wanted = max(n, settings.uncertainty.candidates)
+    if place.surroundings:
+        answer = place_answer(
+            result,
+            planner.hand,
+            place.around(),
+            settings.clearance,
+            n_grasps=wanted,
+            tree=planner.prepare(part).tree,
+            deadline=deadline,
+        )
+    else:
+        few = replace(result, grasps=result.grasps[:wanted])
+        answer = PlacedAnswer(few, (Clearance(np.inf),) * len(few.grasps), {}, None)
+    if place.covariance is not None and answer.result.grasps:
+        answer = _ranked_to_hold(planner, part, answer, place.covariance, deadline)
+    return replace(
+        answer,
+        result=replace(answer.result, grasps=answer.result.grasps[:n]),
+        clearances=answer.clearances[:n],
+    )
+
+
+def plan_around(
+    planner: GraspPlanner,
+    part: Part,
+    request: PlanRequest,
+    place: Place,
+    blocked: PlacedAnswer | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> PlacedAnswer:
+    """Plan with the surroundings known, for this place alone.
+
+    Parameters
+    ----------
+    planner, part, request, place
+    blocked : PlacedAnswer, optional
+        The answer that left nothing; its counts are told again.
+    on_progress, should_stop : callable, optional
+        As of `GraspPlanner.plan`.
+
+    Returns
+    -------
+    PlacedAnswer
+        Code ALL_GRASPS_BLOCKED where this search finds nothing either.
+    """
+    known = replace(request, surroundings=place.around())
+    result = planner.plan(part, known, on_progress, should_stop)
+    # The search is over; what is left to do is short, and an answer without it would be none.
+    answer = place_result(planner, part, result, place)
+    before = "" if blocked is None else f" ({causes_text(blocked.blocked)})"
+    if answer.result.grasps:
+        note = (
+            f"All grasps kept of the plan in free space were blocked here{before}; these were "
+            "planned with the surroundings known."
+        )
+        notes = (*answer.result.notes, note)
+        return replace(answer, result=replace(answer.result, notes=notes))
+    if result.code == ErrorCode.CANCELLED:
+        return answer
+    message = (
+        f"Every grasp kept of '{part.mesh_id}' is blocked at this pose{before}, and a search that "
+        f"knew the surroundings found none in {result.evaluations} attempts. Move the part or the "
+        "obstacle, give more time, or a smaller clearance.margin_m."
+    )
+    return replace(
+        answer,
+        result=replace(answer.result, code=ErrorCode.ALL_GRASPS_BLOCKED, message=message),
+        blocked=answer.blocked if blocked is None else blocked.blocked,
+    )
+
+
+def plan_at(
+    planner: GraspPlanner,
+    part: Part,
+    request: PlanRequest,
+    place: Place,
+    on_progress: Callable[[Progress], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> tuple[PlanResult, PlacedAnswer]:
+    """Plan in free space, then for the place; search once more where all grasps are blocked.
+
+    Returns
+    -------
+    result : PlanResult
+        The plan in free space, good for other places.
+    answer : PlacedAnswer
+    """
+    start = time.monotonic()
+    result = planner.plan(part, request, on_progress, should_stop)
+    if not place:
+        answer = PlacedAnswer(result, (Clearance(np.inf),) * len(result.grasps), {}, None)
+        return result, answer
+    answer = place_result(planner, part, result, place)
+    if answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED:
+        again = replace(request, time_budget_s=second_budget_s(request, time.monotonic() - start))
+        answer = plan_around(planner, part, again, place, answer, on_progress, should_stop)
+    return result, answer
+
+
+def second_budget_s(request: PlanRequest, spent_s: float) -> float:
+    """Time budget [s] of a search that has to be made anew after `spent_s` of a request."""
+    budget = request.time_budget_s
+    return max(budget - spent_s, SECOND_SEARCH * budget, TIME_BUDGET_RANGE_S[0])
+
+
+def _ranked_to_hold(
+    planner: GraspPlanner,
+    part: Part,
+    answer: PlacedAnswer,
+    covariance: NDArray[np.float64],
+    deadline: float | None,
+) -> PlacedAnswer:
+    """The grasps with their hold probability, in the order of `answer_rank`."""
+    result, settings = answer.result, planner.settings
+    prepared = planner.prepare(part)
+    evaluator = CompiledEvaluator(
+        planner.hand, part, result.friction, settings.scene, prepared.field, prepared.tree
+    )
+    grasps: list[Grasp] = []
+    for grasp in result.grasps:
+        if grasps and deadline is not None and time.monotonic() > deadline:
+            break
+        # One at a time for the deadline's sake; the same seed gives all the same perturbations.
+        _, [estimate] = rank_under_uncertainty(
+            evaluator,
+            planner.hand,
+            [grasp],
+            covariance,
+            settings.uncertainty,
+            np.random.default_rng(result.request.seed),
+        )
+        grasps.append(replace(grasp, hold_probability=estimate.probability))
+    tried = len(grasps)
+    grasps += result.grasps[tried:]
+    weight = settings.hpp.volume_weight
+    order = sorted(range(len(grasps)), key=lambda i: answer_rank(grasps[i], weight))
+    notes = result.notes
+    if tried < len(grasps):
+        notes += (
+            f"The time budget ended after the hold probability of {tried} of {len(grasps)} grasps.",
+        )
+    message = f"{result.message} Ranked by the probability to hold under the pose's covariance."
+    return replace(
+        answer,
+        result=replace(
+            result, grasps=tuple(grasps[i] for i in order), message=message, notes=notes
+        ),
+        clearances=tuple(answer.clearances[i] for i in order),
+    )

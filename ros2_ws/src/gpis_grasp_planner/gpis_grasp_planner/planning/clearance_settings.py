@@ -1,0 +1,30 @@
+"""Settings of the clearance, apart from its compiled code: the node declares them as parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpis_grasp_planner.settings import SettingsGroup, setting
+
+
+@dataclass(frozen=True)
+class ClearanceSettings(SettingsGroup):
+    """How far the hand keeps from everything but the part."""
+
+    margin_m: float = setting(
+        0.003,
+        low=1e-4,
+        high=0.1,
+        description="Smallest distance of hand and surroundings on the whole way to the grasp.",
+    )
+    pregrasp: str = setting(
+        "narrow",
+        choices=("open", "narrow"),
+        description="Approach with the fingers open, or just wide enough.",
+    )
+    pregrasp_clearance_m: float = setting(
+        0.015,
+        low=0.001,
+        high=0.1,
+        description="Distance that the fingers of a narrow pre-grasp keep from the part.",
+    )

@@ -1,0 +1,63 @@
+"""The covariance of a part's pose: what it may be, and whose axes it is in.
+
+(6, 6) in the order x, y, z, rotation about x, y, z [m, rad], as in ROS: the rotations are about the
+fixed axes of the frame in which the pose is given, through the object's origin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpis_grasp_planner.errors import ErrorCode, PoseError
+
+Array = NDArray[np.float64]
+
+_SYMMETRY = 1e-6
+_NEGATIVE = 1e-6
+
+
+def covariance_in_object(covariance: ArrayLike, R_world_object: ArrayLike) -> Array:
+    """A pose's covariance (6, 6) with the object's axes instead of the world's."""
+    turn = np.kron(np.eye(2), np.asarray(R_world_object, dtype=float).T)
+    return np.asarray(turn @ np.asarray(covariance, dtype=float) @ turn.T)
+
+
+def check_covariance(covariance: ArrayLike, of: str = "the pose") -> Array:
+    """Return a covariance (6, 6), exactly symmetric, or raise PoseError saying what is wrong.
+
+    It must be finite, symmetric and without a negative variance in any direction, all but for
+    1e-6 of its largest entry. Zeros are allowed: what is known exactly.
+
+    Parameters
+    ----------
+    covariance : (6, 6) array
+    of : str
+        Whose covariance it is, for the message.
+
+    Raises
+    ------
+    PoseError
+        INVALID_COVARIANCE.
+    """
+    C = np.asarray(covariance, dtype=float)
+    if C.shape != (6, 6):
+        raise _invalid(of, f"has the shape {C.shape}; it must be (6, 6), 36 numbers")
+    if not np.isfinite(C).all():
+        raise _invalid(of, "has entries that are not finite")
+    scale = max(float(np.abs(C).max()), 1e-300)
+    if np.abs(C - C.T).max() > _SYMMETRY * scale:
+        off = np.abs(C - C.T).max()
+        raise _invalid(of, f"is not symmetric: it differs from its transpose by {off:.3g}")
+    least = float(np.linalg.eigvalsh(0.5 * (C + C.T))[0])
+    if least < -_NEGATIVE * scale:
+        raise _invalid(of, f"has the negative eigenvalue {least:.3g}; the limit is 0")
+    return np.asarray(0.5 * (C + C.T))
+
+
+def _invalid(of: str, what: str) -> PoseError:
+    return PoseError(
+        f"The covariance of {of} {what}. Send a valid one (x, y, z, rotation about x, y, z), or "
+        "all zeros if it is not known.",
+        ErrorCode.INVALID_COVARIANCE,
+    )
