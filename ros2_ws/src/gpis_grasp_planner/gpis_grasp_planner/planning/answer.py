@@ -87,9 +87,8 @@ def place_answer(
     10 to 60 ms for each grasp that comes from the reserve, the first time.
     """
     lift = None if surroundings.support is None else surroundings.support.normal
-    # Where only verified grasps may be answered, those of the reserve may not: nobody tried them.
-    spare = () if result.request.verification == "require" else result.reserve.estimates
-    kept = [*result.grasps, *spare]
+    spare = _spare(result)
+    kept = [*result.grasps, *(result.reserve.estimates[i] for i in spare)]
     if not kept:
         return PlacedAnswer(result, (), {}, lift)
     if settings.pregrasp == "open":
@@ -100,7 +99,7 @@ def place_answer(
     clear = [i for i, clearance in enumerate(found) if clearance.clear]
     blocked = Counter(clearance.cause for clearance in found if clearance.cause is not None)
     n = result.request.n_grasps if n_grasps is None else n_grasps
-    chosen = _best(result, kept, clear, n, deadline)
+    chosen = _best(result, kept, spare, clear, n, deadline)
     if not chosen:
         return PlacedAnswer(_nothing(result, found, blocked), (), blocked, lift)
     grasps = [replace(grasp, lift_direction=lift) for grasp, _ in chosen]
@@ -119,6 +118,19 @@ def place_answer(
 def causes_text(blocked: Mapping[Cause, int]) -> str:
     """Counts by cause, such as "palm 3, finger 12"."""
     return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
+
+
+def _spare(result: PlanResult) -> list[int]:
+    """Grasps of the reserve that may be answered beside those of the result.
+
+    A verified one may be among the result's already. Where only verified grasps are wanted, none
+    may: nobody tried them.
+    """
+    if result.request.verification == "require":
+        return []
+    taken = {grasp.T_object_palm.tobytes() for grasp in result.grasps}
+    estimates = result.reserve.estimates
+    return [i for i, g in enumerate(estimates) if g.T_object_palm.tobytes() not in taken]
 
 
 def _rescue(
@@ -158,6 +170,7 @@ def _narrow(
 def _best(
     result: PlanResult,
     kept: Sequence[Grasp],
+    spare: Sequence[int],
     clear: Sequence[int],
     n: int,
     deadline: float | None,
@@ -181,7 +194,7 @@ def _best(
             break
         grasp = kept[i]
         if i >= len(result.grasps):
-            exact = result.reserve.exact(i - len(result.grasps))
+            exact = result.reserve.exact(spare[i - len(result.grasps)])
             grasp = replace(grasp, epsilon=exact.epsilon, volume=exact.volume)
         if grasp.feasible:
             chosen.append((grasp, i))
