@@ -12,7 +12,10 @@ from PIL import Image
 
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
 
-QUICK = ("--planner", "random-adaption", "--evaluations", "192", "--grasps", "3")
+QUICK = (
+    *("--planner", "random-adaption", "--evaluations", "192", "--grasps", "3"),
+    *("--verify", "none"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -142,3 +145,21 @@ def test_render_refuses(gpis_grasp, planned: Path, tmp_path: Path, extra: tuple,
     assert answer.code == 1
     assert word in answer.err
     assert not (tmp_path / "p.png").exists()
+
+
+def test_grasps_are_tried_in_physics_by_default(gpis_grasp, tmp_path: Path) -> None:
+    file = tmp_path / "tried.json"
+    words = [word for word in QUICK if word not in ("--verify", "none")]
+    answer = gpis_grasp("plan", "sphere", "--friction", 0.8, *words, "--json", file)
+    assert answer.code == 0, answer.err
+    assert "holds" in answer.out
+    assert "In physics" in answer.err
+    document = json.loads(file.read_text())
+    assert document["verification"] == "rank"
+    trials = [grasp["trials"] for grasp in document["grasps"]]
+    # without a deadline every finalist is tried once
+    assert [len(of_grasp) for of_grasp in trials] == [1] * len(trials)
+    passed = [of_grasp[0]["passed"] for of_grasp in trials]
+    assert passed == sorted(passed, reverse=True)
+    assert passed[0]
+    assert gpis_grasp("verify", file).out.count(" yes ") == sum(passed)

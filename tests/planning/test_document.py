@@ -225,7 +225,7 @@ def _set(path: str, value: object):  # type: ignore[no-untyped-def]
     ("path", "value", "word"),
     [
         ("schema", "something else", "schema"),
-        ("schema_version", 2, "schema_version"),
+        ("schema_version", 1, "schema_version"),
         ("seed", KeyError, "lacks seed"),
         ("extra", 1, "unknown"),
         ("seed", -1, "seed"),

@@ -66,6 +66,23 @@ def test_a_good_answer_is_complete(planned: PlanGrasp.Response) -> None:
         assert np.isfinite(numbers).all()
 
 
+def test_grasps_that_held_in_physics_come_first(client: Any, node: Any) -> None:
+    response = client.plan("sphere", verification="require", time_budget=10.0, n_grasps=4)
+    assert response.success, response.message
+    for grasp in response.grasps:
+        trials = grasp.verification
+        assert trials.attempted
+        assert trials.held
+        assert trials.tests_run[0] == "friction 0.6, 0.1 kg"
+        assert trials.tests_passed[0] == trials.tests_run[0]
+        assert set(trials.tests_passed) <= set(trials.tests_run)
+        assert 0.0 <= trials.largest_slip < 0.03
+        assert 0.0 <= trials.largest_rotation < math.radians(15.0)
+    passed = [len(grasp.verification.tests_passed) for grasp in response.grasps]
+    assert passed == sorted(passed, reverse=True)
+    assert any("held" in note for note in response.notes)
+
+
 def test_the_second_call_comes_from_memory_also_for_another_pose(
     client: Any, planned: PlanGrasp.Response, tools: Any
 ) -> None:

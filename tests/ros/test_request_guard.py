@@ -168,7 +168,7 @@ def test_covariances() -> None:
 
 
 def test_defaults_are_filled_in() -> None:
-    request = check_request(-1, 0.0, 0, "", SETTINGS)
+    request = check_request(-1, 0.0, 0, "", "", SETTINGS)
     assert request.seed == SETTINGS.default_seed
     assert request.time_budget_s == SETTINGS.default_time_budget_s
     assert request.n_grasps == SETTINGS.default_n_grasps
@@ -179,7 +179,7 @@ def test_defaults_are_filled_in() -> None:
 @pytest.mark.parametrize("budget", [-1.0, 0.05, 60.5, math.nan, math.inf])
 def test_a_time_budget_out_of_range_is_refused(budget: float) -> None:
     with pytest.raises(GraspPlannerError, match=r"\[0\.1, 60\] s") as caught:
-        check_request(0, budget, 0, "", SETTINGS)
+        check_request(0, budget, 0, "", "", SETTINGS)
     assert caught.value.code == ErrorCode.TIME_BUDGET_OUT_OF_RANGE
     assert f"{budget:g}" in caught.value.message
 
@@ -187,18 +187,25 @@ def test_a_time_budget_out_of_range_is_refused(budget: float) -> None:
 @pytest.mark.parametrize("n", [201, 2**32 - 1])
 def test_a_number_of_grasps_out_of_range_is_refused(n: int) -> None:
     with pytest.raises(GraspPlannerError, match=f"{n}.*1 to 200") as caught:
-        check_request(0, 1.0, n, "", SETTINGS)
+        check_request(0, 1.0, n, "", "", SETTINGS)
     assert caught.value.code == ErrorCode.GRASP_COUNT_OUT_OF_RANGE
+
+
+def test_the_verification_is_the_requests_or_the_parameters() -> None:
+    assert check_request(0, 1.0, 1, "", "", SETTINGS).verification == SETTINGS.default_verification
+    assert check_request(0, 1.0, 1, "", "require", SETTINGS).verification == "require"
+    with pytest.raises(GraspPlannerError, match="'maybe'; choose one of none, rank, require"):
+        check_request(0, 1.0, 1, "", "maybe", SETTINGS)
 
 
 def test_a_negative_seed_is_refused() -> None:
     with pytest.raises(GraspPlannerError, match="-2"):
-        check_request(-2, 1.0, 1, "", SETTINGS)
+        check_request(-2, 1.0, 1, "", "", SETTINGS)
 
 
 def test_an_unknown_planner_is_refused_with_the_known_ones() -> None:
     with pytest.raises(GraspPlannerError) as caught:
-        check_request(0, 1.0, 1, "best\n", SETTINGS)
+        check_request(0, 1.0, 1, "best\n", "", SETTINGS)
     assert caught.value.code == ErrorCode.UNKNOWN_PLANNER
     assert "\n" not in caught.value.message
     for name in PLANNER_NAMES:

@@ -126,6 +126,16 @@ def summary_table(summaries: Sequence[Summary]) -> Table:
     return table
 
 
+def trial_cells(grasp: Grasp) -> tuple[str, str]:
+    """What physics said: trials passed of those made, or the cause; and the largest slip."""
+    trials = grasp.trials
+    if trials is None:
+        return "not tried", ""
+    if not trials.held:
+        return trials.outcomes[0].cause, ""
+    return f"{trials.n_passed} of {len(trials.outcomes)}", f"{1e3 * trials.largest_slip_m:.1f}"
+
+
 def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
     """One row per grasp: quality, contacts and where the palm is."""
     import numpy as np
@@ -133,7 +143,11 @@ def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("#", "epsilon", "volume", "contacts", "palm position \\[mm]", "approach"):
+    headings = ["#", "epsilon", "volume", "contacts", "palm position \\[mm]", "approach"]
+    verified = any(grasp.trials is not None for grasp in grasps)
+    if verified:
+        headings += ["holds", "slip \\[mm]"]
+    for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("links in contact", overflow="fold")
     for i, grasp in enumerate(grasps):
@@ -146,6 +160,7 @@ def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
             str(len(grasp.contacts)),
             "".join(f"{1e3 * x:8.1f}" for x in grasp.T_object_palm[:3, 3]),
             "".join(f"{x:6.2f}" for x in grasp.approach_direction),
+            *(trial_cells(grasp) if verified else ()),
             short.replace("finger_", "f"),
         )
     return table

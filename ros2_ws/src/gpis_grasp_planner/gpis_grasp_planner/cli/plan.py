@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.cli import options
 from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
+from gpis_grasp_planner.planning.trials import VERIFICATIONS
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.part import Part
@@ -35,6 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of fingers and palm on the part; default: the part's YAML file, else 0.6",
     )
     parser.add_argument("--friction-palm", type=float, metavar="MU", help="of the palm alone")
+    parser.add_argument(
+        "--verify",
+        choices=VERIFICATIONS,
+        default="rank",
+        help="try the finalists in physics, in half of the time: those that hold come first "
+        "(rank, the default), or are all that is answered (require)",
+    )
     parser.add_argument("--planner", default="dual", metavar="NAME", help="default: dual")
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     parser.add_argument("--unit", choices=("m", "mm"), help="unit of a mesh file")
@@ -64,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         n_grasps=arguments.grasps,
         friction=options.friction_of(arguments.friction, arguments.friction_palm, part.friction),
         max_evaluations=arguments.evaluations,
+        verification=arguments.verify,
     )
     from gpis_grasp_planner.cli.preparation import ready_to_plan
     from gpis_grasp_planner.planner import GraspPlanner

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +109,7 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
         "time_budget_s": request.time_budget_s,
         "n_grasps": request.n_grasps,
         "max_evaluations": request.max_evaluations,
+        "verification": request.verification,
         "settings": {group: dict(values) for group, values in result.settings.items()},
         "elapsed_s": float(result.elapsed_s),
         "n_evaluations": int(result.evaluations),
@@ -199,6 +200,9 @@ def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) 
         ],
         "epsilon": float(grasp.epsilon),
         "volume": float(grasp.volume),
+        "trials": None
+        if grasp.trials is None
+        else [asdict(outcome) for outcome in grasp.trials.outcomes],
     }
 
 

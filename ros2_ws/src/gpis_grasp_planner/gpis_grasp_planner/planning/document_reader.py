@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -20,24 +20,26 @@ from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.json_node import Node
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult
+from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
 
 SCHEMA = "gpis_grasp_planner/grasps"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 _TEXT_ONLY = ("mesh_hash_recipe", "frame", "quality_recipe")
 _FIELDS = frozenset(
     (
         "schema", "schema_version", "version", "code", "status", "message", "mesh_id",
         "mesh_source", "mesh_hash", "length_unit", "center_of_mass", "torque_scale", "mass",
         "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
-        "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "settings",
-        "elapsed_s", "n_evaluations", "convergence", "notes", "grasps", "best_attempt",
+        "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
+        "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "grasps",
+        "best_attempt",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
-        "approach_direction", "approach_distance", "contacts", "epsilon", "volume",
+        "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
     )
 )  # fmt: skip
 
@@ -162,6 +164,7 @@ def _request(root: Mapping[str, Node]) -> PlanRequest:
             n_grasps=root["n_grasps"].integer(),
             friction=_friction(root["friction"]),
             max_evaluations=root["max_evaluations"].optional(Node.integer),
+            verification=root["verification"].text(),
         )
     except GraspPlannerError as error:
         if error.code == ErrorCode.INVALID_DOCUMENT:
@@ -217,6 +220,24 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         volume=grasp["volume"].number(low=0.0),
         approach_direction=grasp["approach_direction"].unit_vector(3),
         approach_distance=grasp["approach_distance"].number(low=0.0),
+        trials=grasp["trials"].optional(_trials),
+    )
+
+
+def _trials(node: Node) -> Trials:
+    names = frozenset(field.name for field in fields(TrialOutcome))
+    outcomes = [item.object(names) for item in node.list()]
+    return Trials(
+        tuple(
+            TrialOutcome(
+                outcome["name"].text(),
+                outcome["passed"].boolean(),
+                outcome["cause"].text(),
+                outcome["slip_m"].number(low=0.0),
+                outcome["rotation_rad"].number(low=0.0),
+            )
+            for outcome in outcomes
+        )
     )
 
 

@@ -65,6 +65,12 @@ class Node:
         """Return a list of texts."""
         return tuple(item.text() for item in self.list())
 
+    def boolean(self) -> bool:
+        """Return true or false."""
+        if not isinstance(self.value, bool):
+            raise self.fail("true or false")
+        return self.value
+
     def number(self, low: float = -math.inf, high: float = math.inf) -> float:
         """A finite number within bounds, both included."""
         value = self.value

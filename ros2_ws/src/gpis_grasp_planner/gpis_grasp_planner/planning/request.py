@@ -15,14 +15,13 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.obstacles import Surroundings
 from gpis_grasp_planner.planning.reserve import Reserve
+from gpis_grasp_planner.planning.trials import VERIFICATIONS
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
 GRASP_COUNT_RANGE = (1, 200)
 FRICTION_RANGE = (0.01, 5.0)
 DEFAULT_FRICTION = Friction(finger=0.6, palm=0.6)
 SEED_LIMIT = 2**63 - 1
-# "none": nothing is tried. "rank": grasps that hold come first. "require": no others are answered.
-VERIFICATIONS = ("none", "rank", "require")
 
 
 @dataclass(frozen=True)

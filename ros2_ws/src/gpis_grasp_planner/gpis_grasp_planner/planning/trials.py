@@ -7,6 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# What a request asks for. "none": nothing is tried. "rank": grasps that hold come first.
+# "require": no others are answered.
+VERIFICATIONS = ("none", "rank", "require")
+
 
 @dataclass(frozen=True)
 class TrialOutcome:

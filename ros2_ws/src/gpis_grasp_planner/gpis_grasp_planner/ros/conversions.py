@@ -16,9 +16,11 @@ from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import Contact as ContactMessage
 from gpis_grasp_msgs.msg import Grasp as GraspMessage
+from gpis_grasp_msgs.msg import GraspVerification
 from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.trials import Trials
 from gpis_grasp_planner.ros.planned import Plan
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
 
@@ -55,6 +57,20 @@ def joint_state_message(header: Header, names: Sequence[str], positions: Array) 
     return JointState(header=header, name=list(names), position=[float(q) for q in positions])
 
 
+def verification_message(trials: Trials | None) -> GraspVerification:
+    """What physics said about a grasp; not attempted where there is None."""
+    if trials is None:
+        return GraspVerification()
+    return GraspVerification(
+        attempted=True,
+        held=trials.held,
+        tests_run=[outcome.name for outcome in trials.outcomes],
+        tests_passed=[outcome.name for outcome in trials.outcomes if outcome.passed],
+        largest_slip=trials.largest_slip_m,
+        largest_rotation=trials.largest_rotation_rad,
+    )
+
+
 def grasp_message(
     grasp: Grasp, plan: Plan, pose: ObjectPose, hand: HandDescription
 ) -> GraspMessage:
@@ -79,6 +95,7 @@ def grasp_message(
         approach_distance=float(grasp.approach_distance),
         epsilon=float(grasp.epsilon),
         volume=float(grasp.volume),
+        verification=verification_message(grasp.trials),
         contacts=[
             ContactMessage(
                 link=hand.link_names[link],

@@ -92,6 +92,7 @@ class PlanGraspService:
             request.time_budget,
             request.n_grasps,
             request.planner,
+            request.verification,
             self._settings(),
         )
         self._supply.check_mesh_id(request.mesh_id)

@@ -62,9 +62,14 @@ class ObjectPose:
 
 
 def check_request(
-    seed: int, time_budget: float, n_grasps: int, planner: str, settings: NodeSettings
+    seed: int,
+    time_budget: float,
+    n_grasps: int,
+    planner: str,
+    verification: str,
+    settings: NodeSettings,
 ) -> PlanRequest:
-    """Fill in the defaults (seed -1, budget 0, number 0, planner "") and check the bounds.
+    """Fill in the defaults (seed -1, budget 0, number 0, empty texts) and check the bounds.
 
     Raises
     ------
@@ -93,6 +98,7 @@ def check_request(
         time_budget_s=float(budget),
         n_grasps=n_grasps or settings.default_n_grasps,
         friction=settings.friction,
+        verification=printable(verification, 40) or settings.default_verification,
     )
 
 

@@ -16,6 +16,7 @@ from gpis_grasp_planner.planning.request import (
     TIME_BUDGET_RANGE_S,
     check_friction,
 )
+from gpis_grasp_planner.planning.trials import VERIFICATIONS
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 # Those of planning.planners.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
@@ -79,6 +80,12 @@ class NodeSettings(SettingsGroup):
     )
     default_planner: str = setting(
         "dual", choices=PLANNER_NAMES, description="Planner where the request gives none."
+    )
+    default_verification: str = setting(
+        "rank",
+        choices=VERIFICATIONS,
+        description="Whether grasps are tried in physics where the request says nothing: not at "
+        "all, those that hold first, or only those that hold.",
     )
     friction_finger: float = setting(
         0.0,
