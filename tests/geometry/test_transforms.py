@@ -10,6 +10,7 @@ from gpis_grasp_planner.geometry.transforms import (
     from_position_quat_xyzw,
     inverse,
     rotation_angle,
+    rotation_from_rpy,
     to_position_quat_xyzw,
     transform,
 )
@@ -38,6 +39,28 @@ def test_quaternion_round_trip_and_sign(rng):
     np.testing.assert_allclose(back, quat * np.sign(quat[:, 3:]), atol=1e-12)
     _, of_negated = to_position_quat_xyzw(from_position_quat_xyzw(position, -quat))
     np.testing.assert_allclose(of_negated, back, atol=1e-12)
+
+
+HALF_TURNS = np.vstack([np.eye(4), [[1, 1, 0, 0], [1, -1, 0, 0], [0, -1, 1, 0], [1, 1, 1, 0]]])
+
+
+def test_quaternions_and_rotations_are_scipys(rng):
+    near = HALF_TURNS + rng.normal(scale=1e-9, size=(50, *HALF_TURNS.shape))
+    for quats in (rng.normal(size=(2000, 4)), HALF_TURNS, -HALF_TURNS, near.reshape(-1, 4)):
+        expected = Rotation.from_quat(quats)
+        T = from_position_quat_xyzw(np.zeros(3), quats)
+        np.testing.assert_allclose(T[..., :3, :3], expected.as_matrix(), atol=2e-15)
+        _, back = to_position_quat_xyzw(T)
+        agreement = np.abs(np.sum(back * expected.as_quat(), axis=-1))
+        np.testing.assert_allclose(agreement, 1.0, atol=1e-15)
+        np.testing.assert_allclose(np.linalg.norm(back, axis=-1), 1.0, atol=1e-15)
+        assert (back[:, 3] >= 0.0).all()
+
+
+def test_roll_pitch_yaw_is_scipys_about_fixed_axes(rng):
+    for rpy in rng.uniform(-4.0, 4.0, size=(100, 3)):
+        expected = Rotation.from_euler("xyz", rpy).as_matrix()
+        np.testing.assert_allclose(rotation_from_rpy(rpy), expected, atol=2e-15)
 
 
 def test_inverse_undoes_and_reverses_products(rng):

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.spatial
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.quality import wrench_space
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import (
     Quality,
@@ -292,7 +292,7 @@ def test_torque_is_the_cross_product_about_the_center_of_mass(grasp_of):
 def test_fallbacks_after_qhull_gives_up(monkeypatch, random_grasps):
     contacts = next(c for c in random_grasps(50) if quality(c).force_closure)
     expected = quality(contacts)
-    original, tried = wrench_space.ConvexHull, []
+    original, tried = scipy.spatial.ConvexHull, []
 
     def failing(points):
         tried.append(points)
@@ -300,7 +300,7 @@ def test_fallbacks_after_qhull_gives_up(monkeypatch, random_grasps):
             raise QhullError("made to fail")
         return original(points)
 
-    monkeypatch.setattr(wrench_space, "ConvexHull", failing)
+    monkeypatch.setattr(scipy.spatial, "ConvexHull", failing)
     found = quality(contacts)
     shifts = [np.abs(points - tried[0]).max() for points in tried]
     assert shifts[0] == 0.0
@@ -311,5 +311,5 @@ def test_fallbacks_after_qhull_gives_up(monkeypatch, random_grasps):
     def hopeless(points):
         raise QhullError("made to fail")
 
-    monkeypatch.setattr(wrench_space, "ConvexHull", hopeless)
+    monkeypatch.setattr(scipy.spatial, "ConvexHull", hopeless)
     assert quality(contacts) == Quality(-1.0, 0.0)

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-from gpis_grasp_planner.geometry.defects import judge
 from gpis_grasp_planner.geometry.file_inspection import INSPECTORS, inspect
 from gpis_grasp_planner.geometry.inspection_checks import Inspection
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -158,6 +157,8 @@ def parse_mesh(
     data: bytes, suffix: str, unit: str, name: str, settings: CatalogueSettings
 ) -> tuple[TriangleMesh, MeshReport]:
     """Judge and parse the bytes of a mesh file; see :func:`load_mesh`."""
+    from gpis_grasp_planner.geometry.defects import judge  # SciPy: 40 MB that the node saves
+
     if unit not in UNITS:
         raise MeshError(
             f"{name}: the unit is {unit!r}; it must be 'm' or 'mm'.", ErrorCode.MESH_SIDECAR_INVALID

@@ -2,13 +2,15 @@
 
 ``T_a_b`` maps coordinates in frame b to coordinates in frame a: ``p_a = T_a_b @ p_b``, so that
 adjacent names cancel in products: ``T_world_palm = T_world_object @ T_object_palm``.
+
+The conversions are SciPy's (the tests hold them against it), written out: the node needs these few
+alone, and importing ``scipy.spatial`` for them would cost it 35 MB.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -26,15 +28,50 @@ def transform(rotation: ArrayLike, translation: ArrayLike) -> Array:
 
 
 def from_position_quat_xyzw(position: ArrayLike, quat_xyzw: ArrayLike) -> Array:
-    """Transforms (..., 4, 4) from positions (..., 3) [m] and unit quaternions (..., 4)."""
-    return transform(Rotation.from_quat(np.asarray(quat_xyzw)).as_matrix(), position)
+    """Transforms (..., 4, 4) from positions (..., 3) [m] and quaternions (..., 4), normalised."""
+    quat = np.asarray(quat_xyzw, dtype=float)
+    quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+    v, w = quat[..., :3], quat[..., 3]
+    R = 2.0 * (v[..., :, None] * v[..., None, :] + w[..., None, None] * _cross_matrix(v))
+    R[..., range(3), range(3)] += (w**2 - (v**2).sum(axis=-1))[..., None]
+    return transform(R, position)
 
 
 def to_position_quat_xyzw(T: ArrayLike) -> tuple[Array, Array]:
     """Positions (..., 3) and quaternions (..., 4) with w >= 0, so that q and -q agree."""
     T = np.asarray(T, dtype=float)
-    quat = Rotation.from_matrix(T[..., :3, :3]).as_quat(canonical=True)
-    return T[..., :3, 3].copy(), quat
+    R = T[..., :3, :3]
+    trace = np.trace(R, axis1=-2, axis2=-1)[..., None, None]
+    # Row i is 4 q_i q, and the row of the largest q_i has the most digits.
+    rows = np.empty((*R.shape[:-2], 4, 4))
+    rows[..., :3, :3] = R + np.swapaxes(R, -1, -2) + (1.0 - trace) * np.eye(3)
+    rows[..., :3, 3] = rows[..., 3, :3] = _skew_vector(R)
+    rows[..., 3, 3] = 1.0 + trace[..., 0, 0]
+    best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)[..., None, None]
+    quat = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
+    quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+    return T[..., :3, 3].copy(), np.where(quat[..., 3:] < 0.0, -quat, quat)
+
+
+def rotation_from_rpy(rpy: ArrayLike) -> Array:
+    """Rotation (3, 3) of URDF's roll, pitch, yaw [rad]: about the fixed axes x, y, z in turn."""
+    R = np.eye(3)
+    for axis, angle in enumerate(np.asarray(rpy, dtype=float)):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[[i, j], [i, j]] = np.cos(angle)
+        turn[j, i] = np.sin(angle)
+        turn[i, j] = -turn[j, i]
+        R = turn @ R
+    return R
+
+
+def _cross_matrix(v: ArrayLike) -> Array:
+    """Matrices (..., 3, 3) of the cross product with vectors (..., 3): ``M @ x = v x x``."""
+    v = np.asarray(v, dtype=float)
+    M = np.zeros((*v.shape, 3))
+    M[..., 2, 1], M[..., 0, 2], M[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
+    return M - np.swapaxes(M, -1, -2)
 
 
 def inverse(T: ArrayLike) -> Array:
@@ -57,7 +94,14 @@ def rotation_angle(R_1: ArrayLike, R_2: ArrayLike) -> Array:
     The arc tangent keeps full precision near 0 and pi, where the arc cosine of the trace has none.
     """
     R = np.swapaxes(np.asarray(R_1, dtype=float), -1, -2) @ np.asarray(R_2, dtype=float)
-    skew = np.stack(
+    sine = 0.5 * np.linalg.norm(_skew_vector(R), axis=-1)
+    cosine = 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
+    return np.asarray(np.arctan2(sine, cosine))
+
+
+def _skew_vector(R: Array) -> Array:
+    """(..., 3): sine of the angle times twice the axis of rotations (..., 3, 3)."""
+    return np.stack(
         [
             R[..., 2, 1] - R[..., 1, 2],
             R[..., 0, 2] - R[..., 2, 0],
@@ -65,6 +109,3 @@ def rotation_angle(R_1: ArrayLike, R_2: ArrayLike) -> Array:
         ],
         axis=-1,
     )
-    sine = 0.5 * np.linalg.norm(skew, axis=-1)
-    cosine = 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
-    return np.asarray(np.arctan2(sine, cosine))

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -23,6 +22,8 @@ _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 
 def convex_hull(points: ArrayLike) -> TriangleMesh:
     """Hull of points (n, 3) as a closed mesh, faces counter-clockwise seen from outside."""
+    from scipy.spatial import ConvexHull  # 35 MB that the node, which only reads pieces, saves
+
     points = np.asarray(points, dtype=float)
     hull = ConvexHull(points)
     corners = hull.points[hull.simplices]

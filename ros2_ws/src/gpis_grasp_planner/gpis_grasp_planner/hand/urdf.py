@@ -12,11 +12,10 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.transforms import apply, transform
+from gpis_grasp_planner.geometry.transforms import apply, rotation_from_rpy, transform
 from gpis_grasp_planner.hand.link_mesh import read_stl
 
 Array = NDArray[np.float64]
@@ -179,8 +178,7 @@ def _origin(element: ET.Element) -> Array:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    # URDF's rpy turns about the fixed axes x, y, z in this order.
-    R = Rotation.from_euler("xyz", _numbers(origin.get("rpy", "0 0 0"))).as_matrix()
+    R = rotation_from_rpy(_numbers(origin.get("rpy", "0 0 0")))
     return transform(R, _numbers(origin.get("xyz", "0 0 0")))
 
 

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from gpis_grasp_planner.quality.contacts import Contacts
 
@@ -77,6 +76,8 @@ def hull_quality(wrenches: Array) -> Quality:
 
     Wrenches that span less than six dimensions have volume 0 and no force closure.
     """
+    from scipy.spatial import ConvexHull, QhullError  # 35 MB that the node saves
+
     if len(wrenches) < 7 or np.linalg.matrix_rank(wrenches - wrenches[0], tol=_FLAT) < 6:
         return Quality(NO_FORCE_CLOSURE, 0.0)
     hull = None

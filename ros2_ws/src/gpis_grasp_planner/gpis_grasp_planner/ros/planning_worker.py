@@ -16,10 +16,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError
-from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
+from gpis_grasp_planner.geometry.catalogue import CatalogueSettings
 from gpis_grasp_planner.planner import GraspPlanner
 from gpis_grasp_planner.planning.request import TIME_BUDGET_RANGE_S, PlanResult, Progress
 from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.ros.part_loading import PartLoader
 from gpis_grasp_planner.ros.planned import (
     Plan,
     PlanOrder,
@@ -38,6 +39,7 @@ class Planner:
 
     def __init__(self) -> None:
         self._planner = GraspPlanner()
+        self._parts = PartLoader()
 
     def make_plan(self, order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
         """Load the mesh and plan.
@@ -54,7 +56,7 @@ class Planner:
         groups = dict(order.settings)
         catalogue_settings = CatalogueSettings.from_mapping(groups.pop("catalogue"))
         directories = [Path(directory) for directory in order.mesh_directories]
-        part = MeshCatalogue(directories, catalogue_settings).load(order.mesh_id)
+        part = self._parts.load(directories, catalogue_settings, order.mesh_id)
         settings = PlannerSettings.from_mapping(groups)
         if settings != self._planner.settings:
             self._planner = GraspPlanner(settings)
