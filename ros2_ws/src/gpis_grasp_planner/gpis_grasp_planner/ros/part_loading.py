@@ -8,23 +8,19 @@ stay the same, so that another plan of a mesh reads nothing.
 
 from __future__ import annotations
 
-import ctypes
-import multiprocessing
-import os
-import signal
+import traceback
 from collections import OrderedDict
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
 from pathlib import Path
 
-from gpis_grasp_planner.errors import MeshError
+from gpis_grasp_planner.errors import GraspPlannerError, MeshError
 from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.ros.mesh_source import fingerprint
+from gpis_grasp_planner.verification.workers import ForkedChild
 
 _KEPT_PARTS = 4
-_PR_SET_PDEATHSIG = 1
 
 
 class PartLoader:
@@ -59,24 +55,30 @@ class PartLoader:
 
 def load_apart(directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str) -> Part:
     """Read the part of an ID in a forked child; see :meth:`PartLoader.load`."""
-    fork = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(1, fork, _end_with_parent, (os.getpid(),)) as child:
+
+    def serve(connection: Connection) -> None:
+        connection.send(_outcome(directories, settings, mesh_id))
+
+    with ForkedChild(serve) as child:
         try:
-            return child.submit(_load, tuple(directories), settings, mesh_id).result()
-        except BrokenProcessPool:
+            outcome: Part | Exception = child.connection.recv()
+        except (EOFError, OSError):
             raise MeshError(
                 f"Reading the mesh '{mesh_id}' ended the process that read it (damaged, or too "
                 "large for the memory). Export it again, or simplify it."
             ) from None
+    if isinstance(outcome, Exception):
+        raise outcome
+    return outcome
 
 
-def _load(directories: tuple[Path, ...], settings: CatalogueSettings, mesh_id: str) -> Part:
-    return MeshCatalogue(directories, settings).load(mesh_id)
-
-
-def _end_with_parent(parent: int) -> None:
-    # The child holds a copy of the socket to the node; should the planning process be killed, the
-    # node is to see that at once and not when the mesh has been read.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
+def _outcome(
+    directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str
+) -> Part | Exception:
+    try:
+        return MeshCatalogue(directories, settings).load(mesh_id)
+    except GraspPlannerError as error:
+        return error
+    except Exception as error:
+        traceback.print_exc()  # it does not travel with the error
+        return error
