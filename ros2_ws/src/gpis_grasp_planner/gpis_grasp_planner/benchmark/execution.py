@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 
-from gpis_grasp_planner.benchmark.runs import Record, Run
+from gpis_grasp_planner.benchmark.runs import Record, Task
 from gpis_grasp_planner.benchmark.single_run import RunProcesses
 from gpis_grasp_planner.benchmark.store import RunStore
 from gpis_grasp_planner.errors import SystemFault
@@ -13,18 +13,18 @@ from gpis_grasp_planner.geometry.part import Part
 
 
 def run_all(
-    runs: Sequence[Run],
+    runs: Sequence[Task],
     parts: Mapping[str, Part],
     store: RunStore,
     cores: int = 1,
-    on_done: Callable[[Run, Record | None], None] = lambda _run, _record: None,
+    on_done: Callable[[Task, Record | None], None] = lambda _run, _record: None,
     processes: RunProcesses | None = None,
 ) -> list[str]:
     """Make all runs that the store does not have.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of Task
     parts : mapping
         By object ID.
     store : RunStore
@@ -50,7 +50,7 @@ def run_all(
     missing = [run for run in runs if not store.has(run)]
     faults: list[str] = []
 
-    def make(run: Run) -> Record:
+    def make(run: Task) -> Record:
         record, document = processes.execute(run, parts[run.object_id])
         store.add(record, document)
         return record

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from gpis_grasp_planner.benchmark import reference
+from gpis_grasp_planner.benchmark.markdown import table
 from gpis_grasp_planner.benchmark.tables import (
     Estimate,
     Record,
@@ -146,7 +147,7 @@ def _mean_table(summaries: Sequence[Summary], originals: set[str]) -> str:
         if originals:
             row.append(_theirs(s, "mean") if s.object_id in originals else "")
         rows.append(row)
-    return _table(heads, rows)
+    return table(heads, rows)
 
 
 def _best_table(summaries: Sequence[Summary], originals: set[str]) -> str:
@@ -159,7 +160,7 @@ def _best_table(summaries: Sequence[Summary], originals: set[str]) -> str:
         if originals:
             row.append(_theirs(s, "best") if s.object_id in originals else "")
         rows.append(row)
-    return _table(heads, rows)
+    return table(heads, rows)
 
 
 def _speed_table(summaries: Sequence[Summary]) -> str:
@@ -175,7 +176,7 @@ def _speed_table(summaries: Sequence[Summary]) -> str:
         ]
         for s in summaries
     ]
-    return _table(heads, rows)
+    return table(heads, rows)
 
 
 def _ratio_table(summaries: Sequence[Summary]) -> str:
@@ -196,7 +197,7 @@ def _ratio_table(summaries: Sequence[Summary]) -> str:
                 row.append("" if name == planner else _times(*pair))
         rows.append(row)
     text = "The mean of the best, averaged over the objects first and divided then.\n\n"
-    return text + _table(heads, rows) + "\n\n" + _paper_ratio()
+    return text + table(heads, rows) + "\n\n" + _paper_ratio()
 
 
 def _measured_with_both(summaries: Sequence[Summary], *planners: str) -> list[Summary]:
@@ -240,7 +241,7 @@ def _others() -> str:
     )
 
 
-def _theirs(summary: Summary, table: str) -> str:
+def _theirs(summary: Summary, which: str) -> str:
     figures = []
     for name in reference.beside(summary.planner):
         if name.startswith("simulator"):
@@ -249,11 +250,11 @@ def _theirs(summary: Summary, table: str) -> str:
             ]
             figures.append(
                 f"{name} {_number(mean_eps)} / {_number(mean_vol)} ({found:g} found)"
-                if table == "mean"
+                if which == "mean"
                 else f"{name} {_number(best_eps)}"
             )
         else:
-            epsilon, volume = reference.published()[f"paper_{table}"][name][summary.object_id]
+            epsilon, volume = reference.published()[f"paper_{which}"][name][summary.object_id]
             figures.append(f"{name} {_number(epsilon)} / {_number(volume)}")
     return "; ".join(figures)
 
@@ -293,8 +294,3 @@ def _times(value: float, to: float) -> str:
     if math.isnan(times):
         return "0 / 0"
     return "∞" if math.isinf(times) else f"{times:.3g}"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])

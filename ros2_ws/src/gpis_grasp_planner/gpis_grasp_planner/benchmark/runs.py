@@ -7,18 +7,19 @@ import json
 import os
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 import gpis_grasp_planner
 from gpis_grasp_planner import __version__
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.planning.document import document_text
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult
 from gpis_grasp_planner.planning.settings import PlannerSettings
 
@@ -26,7 +27,36 @@ Record = dict[str, Any]
 
 # Equal evaluations instead of equal time: the clock must not end such a run.
 MOST_SECONDS = 600.0
+EDGES = frozenset({"benchmark", "cli", "ros", "view", "verification", "store"})
 _LIBRARIES = ("numpy", "scipy", "numba")
+
+
+class Task(Protocol):
+    """What can be made in a process of its own and kept in a store."""
+
+    @property
+    def object_id(self) -> str:
+        """The object it is about."""
+        ...
+
+    @property
+    def key(self) -> str:
+        """What a finished one is recognised by."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """A readable name."""
+        ...
+
+    @property
+    def longest_s(self) -> float:
+        """Time it may take beside imports and compiling."""
+        ...
+
+    def make(self, part: Part) -> tuple[Record, str]:
+        """Do it in this process: the record, and a document with the grasps."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -65,7 +95,7 @@ class Run:
     @property
     def settings_hash(self) -> str:
         """Hash over all settings."""
-        return _hash(self.settings)
+        return hash_of(self.settings)
 
     def identity(self) -> Record:
         """What a finished run is recognised by."""
@@ -85,12 +115,22 @@ class Run:
     @property
     def key(self) -> str:
         """Hash of the identity (16 hexadecimal digits)."""
-        return _hash(self.identity())
+        return hash_of(self.identity())
 
     @property
     def name(self) -> str:
         """A readable name, unique together with the key."""
         return f"{self.object_id}-{self.planner}-{self.seed}"
+
+    @property
+    def longest_s(self) -> float:
+        """The time budget."""
+        return self.request().time_budget_s
+
+    def make(self, part: Part) -> tuple[Record, str]:
+        """Make the run in this process, see :func:`execute`."""
+        record, result = execute(self, part)
+        return record, document_text(result)
 
     def request(self) -> PlanRequest:
         """Return the planner's request."""
@@ -165,10 +205,9 @@ def environment() -> Record:
     }
 
 
-def source_hash() -> str:
+def source_hash(edges: Collection[str] = EDGES) -> str:
     """Hash over the sources and data that planning depends on, not over the edges."""
     root = Path(gpis_grasp_planner.__file__).parent
-    edges = {"benchmark", "cli", "ros", "view", "verification", "store"}
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*")):
         inside = path.relative_to(root)
@@ -186,6 +225,7 @@ def _cpu_model() -> str:
     return names[0] if names else platform.machine()
 
 
-def _hash(values: Any) -> str:
+def hash_of(values: Any) -> str:
+    """Hash of values of JSON (16 hexadecimal digits)."""
     text = json.dumps(values, sort_keys=True, separators=(",", ":"), default=list)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import threading
 
-from gpis_grasp_planner.benchmark.runs import Record, Run, execute
+from gpis_grasp_planner.benchmark.runs import Record, Task
 from gpis_grasp_planner.errors import GraspPlannerError, SystemFault
 from gpis_grasp_planner.geometry.part import Part
 
@@ -37,7 +37,7 @@ class RunProcesses:
         self._running: set[subprocess.Popen[bytes]] = set()
         self._stopped = False
 
-    def execute(self, run: Run, part: Part) -> tuple[Record, str]:
+    def execute(self, run: Task, part: Part) -> tuple[Record, str]:
         """Make one run; blocks. Returns the record and the text of the document.
 
         Raises
@@ -59,7 +59,7 @@ class RunProcesses:
             )
             self._running.add(process)
         try:
-            limit = run.request().time_budget_s + _GRACE_S
+            limit = run.longest_s + _GRACE_S
             out, err = process.communicate(pickle.dumps((run, part)), timeout=limit)
         except subprocess.TimeoutExpired:
             raise SystemFault(f"Run {run.name} did not end within {limit:g} s.") from None
@@ -84,19 +84,17 @@ class RunProcesses:
 
 def main() -> int:
     """Read the run from stdin, make it, write the answer to stdout."""
-    from gpis_grasp_planner.planning.document import document_text
-
     # What a library prints must not end up in the answer.
     answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     run, part = pickle.loads(sys.stdin.buffer.read())  # from RunProcesses, nobody else
     try:
-        record, result = execute(run, part)
+        record, document = run.make(part)
     except GraspPlannerError as error:
         sys.stderr.write(str(error))
         return 1
     with answer:
-        json.dump({"record": record, "document": document_text(result)}, answer)
+        json.dump({"record": record, "document": document}, answer)
     return 0
 
 

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from gpis_grasp_planner.benchmark.runs import Record, Run
+from gpis_grasp_planner.benchmark.runs import Record, Task
 from gpis_grasp_planner.benchmark.tables import mean_of_best
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 
@@ -51,11 +51,11 @@ class RunStore:
         """Records by key."""
         return dict(self._records)
 
-    def has(self, run: Run) -> bool:
+    def has(self, run: Task) -> bool:
         """Whether the run was made before."""
         return run.key in self._records
 
-    def select(self, runs: Iterable[Run]) -> list[Record]:
+    def select(self, runs: Iterable[Task]) -> list[Record]:
         """Return the records of those runs that were made."""
         return [self._records[run.key] for run in runs if run.key in self._records]
 

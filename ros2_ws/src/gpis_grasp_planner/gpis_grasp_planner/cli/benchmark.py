@@ -1,4 +1,4 @@
-"""Compare planners on many objects and seeds; write tables, plots and a report."""
+"""Compare planners on many objects, or try their grasps in physics; write a report."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import options
+from gpis_grasp_planner.cli import options, success_study
 from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.benchmark.store import RunStore
     from gpis_grasp_planner.geometry.part import Part
 
-ORIGINAL = "graspit"
+QUALITY = "quality"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--facts",
         metavar="FILE.yaml",
         help="mass, centre of mass and friction by mesh ID, where no YAML file lies beside the "
-        f"mesh; '{ORIGINAL}': those of the original simulator's five objects",
+        f"mesh; '{options.ORIGINAL}': those of the original simulator's five objects",
     )
     parser.add_argument(
         "--planners", metavar="A,B", default="dual", help="names, or 'all'; default: dual"
@@ -60,12 +60,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="results; what is finished there is not made again (out/benchmark)",
     )
+    parser.add_argument(
+        "--protocol",
+        choices=(QUALITY, *success_study.PROTOCOLS),
+        default=QUALITY,
+        help="quality: epsilon and volume; strict: the first grasp in physics; ranking: by what "
+        "grasps hold under pose noise (quality)",
+    )
+    success_study.add_arguments(parser)
     parser.add_argument("--no-pictures", action="store_true", help="plots only, no pictures")
     options.add_settings(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Make the missing runs, then write the results of all."""
+    if arguments.protocol != QUALITY:
+        return success_study.run(arguments)
     from gpis_grasp_planner.benchmark.execution import run_all
     from gpis_grasp_planner.benchmark.store import RunStore
     from gpis_grasp_planner.cli import output
@@ -88,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plan_of_work(arguments: argparse.Namespace) -> tuple[dict[str, Part], list[Run]]:
-    from gpis_grasp_planner.benchmark import objects, reference
+    from gpis_grasp_planner.benchmark import objects
     from gpis_grasp_planner.benchmark.runs import Run, object_hash
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.part import Friction
@@ -99,10 +109,7 @@ def _plan_of_work(arguments: argparse.Namespace) -> tuple[dict[str, Part], list[
         if getattr(arguments, name) < 1:
             raise RequestError(f"--{name} is {getattr(arguments, name)}; give at least 1.")
     settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
-    facts = None
-    if arguments.facts is not None:
-        original = arguments.facts == ORIGINAL
-        facts = reference.object_facts() if original else objects.read_facts(Path(arguments.facts))
+    facts = options.facts_of(arguments.facts)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     parts = objects.load_objects(catalogue, arguments.mesh, facts)
     planners = list(PLANNERS) if arguments.planners == "all" else arguments.planners.split(",")

@@ -13,6 +13,7 @@ import os
 import stat
 import subprocess
 import sys
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -204,9 +205,11 @@ def _parse(data: bytes, suffix: str, name: str) -> tuple[Array, NDArray[np.int64
     if suffix == ".obj":
         options["skip_materials"] = True
     try:
-        loaded: Any = trimesh.load(
-            io.BytesIO(data), file_type=suffix[1:], force="mesh", resolver=None, **options
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of texture coordinates, not used
+            loaded: Any = trimesh.load(
+                io.BytesIO(data), file_type=suffix[1:], force="mesh", resolver=None, **options
+            )
         return (
             np.array(loaded.vertices, dtype=np.float64).reshape(-1, 3),
             np.array(loaded.faces, dtype=np.int64).reshape(-1, 3),

@@ -51,6 +51,11 @@ HULL_MARGIN_M = 1e-5
 _SAME_DISTANCE = 1.001
 
 
+def bullet_data_directory() -> Path:
+    """The directory of the models that PyBullet ships."""
+    return Path(importlib.import_module("pybullet_data").getDataPath())
+
+
 @contextmanager
 def bullet_client() -> Iterator[BulletClient]:
     """A PyBullet client without a window; its memory is freed at the end."""
