@@ -7,18 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.pose_noise import displacements
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier, prepare
 from gpis_grasp_planner.verification.result import Verification
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.table_lift import LiftResult, verify_lift
-
-Array = NDArray[np.float64]
 
 NOMINAL = "nominal"
 SLIPPERY = "slippery"
@@ -87,9 +84,11 @@ class StrictTests:
             rows.append(self._row(LIFT, 0, verifier, lift))
         return rows
 
-    def _verifier(self, friction: float, mass_kg: float, stop_at_failure: bool = False) -> Verifier:
-        settings = replace(self.settings, friction=friction, mass_kg=mass_kg)
-        return Verifier(self.part, self.hand, settings, self._prepared, stop_at_failure)
+    def _verifier(
+        self, settings: VerificationSettings | None = None, stop_at_failure: bool = False
+    ) -> Verifier:
+        used = settings or self.settings
+        return Verifier(self.part, self.hand, used, self._prepared, stop_at_failure)
 
     def _row(
         self, test: str, rank: int, verifier: Verifier, found: Verification | LiftResult

@@ -28,8 +28,9 @@ apart from planning, with displacements that the planner has not seen.
 
 - *nominal*: friction {friction:g}, {mass_kg:g} kg.
 - *slippery*: friction {low_friction:g}, {mass_kg:g} kg.
-- *slippery, CAD mass*: friction {low_friction:g} and the volume at 1000 kg/m^3, {mass_kg:g} kg where
-  that is {payload_kg:g} kg or more. The volume of a mesh whose bodies overlap counts the overlap twice.
+- *slippery, CAD mass*: friction {low_friction:g} and the volume at 1000 kg/m^3, or {mass_kg:g} kg
+  where that is {payload_kg:g} kg or more. The volume of bodies that overlap counts the overlap
+  twice.
 - *pose noise*: nominal on a part that lies {noise_m:g} mm and {noise_deg:g} degrees from where it
   was thought, in {noise_repeats} seeded directions; passes if more than half of them are held.
 - *table lift*: nominal, {lift_m:g} m up against the approach, then a shake of {shake_m:g} cm along
