@@ -10,6 +10,9 @@ RUN := source scripts/env.sh &&
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
+# The tests of a file share what they prepare, so a file stays in one process.
+TEST_PROCESSES ?= -n 2 --dist loadfile
+
 LOCKED := $(PWD)/.venv/bin/uv pip compile -q --python-version 3.11 --generate-hashes \
 	--custom-compile-command "make lock"
 
@@ -23,7 +26,7 @@ demo: setup  ## Start the node, publish an object's pose, plan a grasp for the m
 	@$(RUN) python scripts/demo.py
 
 test: setup lint  ## Lint, types, all tests (real processes over real DDS included)
-	@$(RUN) python -m pytest $(PYTEST_ARGS)
+	@$(RUN) python -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)
 
 lint: setup  ## ruff and mypy
 	@$(RUN) ruff check . && ruff format --check . && mypy

@@ -62,6 +62,17 @@ def children(pid: int) -> list[int]:
     return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
+def memory_rows(node: int, when: str) -> list[str]:
+    """Lines of the table: memory of the node, of its planning process, and of both."""
+    [worker] = children(node)
+    values = {"the node": memory_mb(node), "its planning process": memory_mb(worker)}
+    values["together"] = tuple(map(sum, zip(*values.values(), strict=True)))
+    return [
+        f"| resident memory with {when}, {name} | {rss:.0f} MB (proportional {pss:.0f}) |"
+        for name, (rss, pss) in values.items()
+    ]
+
+
 class Caller(Node):
     """A client of plan_grasp."""
 
@@ -107,7 +118,9 @@ def measure(n_starts: int, n_calls: int, budget_s: float) -> list[str]:
         try:
             caller = Caller()
             first, first_s = caller.call("mug", budget_s)
+            memory = memory_rows(child.pid, "one plan")
             second, second_s = caller.call("flask", budget_s)
+            memory += memory_rows(child.pid, "two plans")
             if not (first.success and second.success):
                 raise RuntimeError(f"{first.message} {second.message}")
             cached = [caller.call("mug", budget_s)[1] for _ in range(n_calls)]
@@ -117,15 +130,9 @@ def measure(n_starts: int, n_calls: int, budget_s: float) -> list[str]:
             refused = [caller.call("no-such-part", budget_s)[1] for _ in range(n_calls)]
             ran_throughout = not running.done()
             rclpy.spin_until_future_complete(caller, running, timeout_sec=LIMIT_S)
-            [worker] = children(child.pid)
-            memory = {
-                "the node": memory_mb(child.pid),
-                "its planning process": memory_mb(worker),
-            }
         finally:
             rclpy.try_shutdown()
             end_node(child)
-    memory["together"] = tuple(map(sum, zip(*memory.values(), strict=True)))
     if not ran_throughout:
         raise RuntimeError("The plan ended before the calls beside it; give a larger --budget.")
     return [
@@ -133,10 +140,7 @@ def measure(n_starts: int, n_calls: int, budget_s: float) -> list[str]:
         "|---|---|",
         f"| start to ready, median of {n_starts} | {statistics.median(starts):.2f} s, "
         f"at most {max(starts):.2f} |",
-        *(
-            f"| resident memory with two plans, {name} | {rss:.0f} MB (proportional {pss:.0f}) |"
-            for name, (rss, pss) in memory.items()
-        ),
+        *memory,
         f"| first plan right after the start, budget {budget_s:g} s | {first_s:.1f} s |",
         f"| first plan of another part | {second_s:.1f} s |",
         latency_row(f"call answered from memory, {n_calls} calls", cached),
