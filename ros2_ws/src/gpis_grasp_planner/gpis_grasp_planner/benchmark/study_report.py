@@ -126,8 +126,8 @@ def _shares(found: Sequence[Outcome], counts: Callable[[Outcome], bool]) -> str:
         members = [o for o in found if name in (o.object_set, TOTAL) and counts(o)]
         shares = [Share.of([o.verdicts[test].held for o in members]) for test in TESTS]
         mean = MeanInterval.of([o.verdicts[NOISE].share for o in members])
-        cells = [_share(share) for share in shares]
-        cells.append(_percent(mean.mean, mean.low, mean.high) if mean.n else "")
+        cells = [share_text(share) for share in shares]
+        cells.append(percent(mean.mean, mean.low, mean.high) if mean.n else "")
         rows.append([name, str(len(members)), *cells])
     return table(heads, rows)
 
@@ -195,7 +195,7 @@ def _said(records: Sequence[Record]) -> str:
     agree = Share.of([said == held for said, held in tried])
     return (
         f"Of {len(pairs)} grasps in the nominal test the planner had tried {len(tried)} itself; "
-        f"the verdicts agree on {_share(agree)}."
+        f"the verdicts agree on {share_text(agree)}."
     )
 
 
@@ -257,11 +257,13 @@ def _cell(outcome: Outcome, test: str) -> str:
     return "yes" if verdict.held else verdict.cause
 
 
-def _share(share: Share) -> str:
+def share_text(share: Share) -> str:
+    """A share of objects with its interval."""
     if not share.n:
         return ""
-    return f"{share.passed}/{share.n} = {_percent(share.value, *share.interval)}"
+    return f"{share.passed}/{share.n} = {percent(share.value, *share.interval)}"
 
 
-def _percent(value: float, low: float, high: float) -> str:
+def percent(value: float, low: float, high: float) -> str:
+    """A value with its interval in percent."""
     return f"{100 * value:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"

@@ -26,30 +26,18 @@ _TRIALS_S = 600.0
 
 
 @dataclass(frozen=True)
-class StudyRun:
-    """Everything that decides what comes of one object, but for the clock.
+class ObjectRun:
+    """A plan of one object, and what is done with its grasps: the subclasses say what.
 
     Attributes
     ----------
     plan : Run
         The planning; its number of grasps is that of the answer.
     object_set : str
-    tried : int
-        Grasps of the answer that get the nominal trial; the first one gets all tests.
-    second_planner : str
-        Asked where none of those holds, to tell whether the object is graspable at all.
-    displacements : int
-        Under pose noise.
-    noise_seed : int
-        Of the displacements; not the planner's seed.
     """
 
     plan: Run
     object_set: str
-    tried: int = 5
-    second_planner: str = SECOND_PLANNER
-    displacements: int = 10
-    noise_seed: int = 20_000
 
     @property
     def object_id(self) -> str:
@@ -61,6 +49,37 @@ class StudyRun:
         """Of the planning."""
         return self.plan.name
 
+    def identity(self) -> Record:
+        """What a finished run is recognised by."""
+        return {**self.plan.identity(), "object_set": self.object_set}
+
+    @property
+    def key(self) -> str:
+        """Hash of the identity."""
+        return hash_of(self.identity())
+
+
+@dataclass(frozen=True)
+class StudyRun(ObjectRun):
+    """Everything that decides what comes of one object, but for the clock.
+
+    Attributes
+    ----------
+    tried : int
+        Grasps of the answer that get the nominal trial; the first one gets all tests.
+    second_planner : str
+        Asked where none of those holds, to tell whether the object is graspable at all.
+    displacements : int
+        Under pose noise.
+    noise_seed : int
+        Of the displacements; not the planner's seed.
+    """
+
+    tried: int = 5
+    second_planner: str = SECOND_PLANNER
+    displacements: int = 10
+    noise_seed: int = 20_000
+
     @property
     def longest_s(self) -> float:
         """Two plans and all trials."""
@@ -70,18 +89,12 @@ class StudyRun:
         """What a finished run is recognised by."""
         return {
             "protocol": "strict",
-            **self.plan.identity(),
-            "object_set": self.object_set,
+            **super().identity(),
             "tried": self.tried,
             "second_planner": self.second_planner,
             "displacements": self.displacements,
             "noise_seed": self.noise_seed,
         }
-
-    @property
-    def key(self) -> str:
-        """Hash of the identity."""
-        return hash_of(self.identity())
 
     def make(self, part: Part) -> tuple[Record, str]:
         """Plan and try in this process: the record, and the first planner's document."""

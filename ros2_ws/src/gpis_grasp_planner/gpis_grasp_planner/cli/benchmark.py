@@ -64,8 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=(QUALITY, *success_study.PROTOCOLS),
         default=QUALITY,
-        help="quality: epsilon and volume; strict: the first grasp in physics; ranking: by what "
-        "grasps hold under pose noise (quality)",
+        help="quality: epsilon and volume; strict: whether the first grasp holds in physics; "
+        "ranking: which order of the grasps stands a displaced part (quality)",
     )
     success_study.add_arguments(parser)
     parser.add_argument("--no-pictures", action="store_true", help="plots only, no pictures")

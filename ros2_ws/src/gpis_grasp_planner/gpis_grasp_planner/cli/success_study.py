@@ -12,12 +12,13 @@ from gpis_grasp_planner.cli import options
 from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
 
 if TYPE_CHECKING:
+    from gpis_grasp_planner.benchmark.ranking_runs import RankingRun
+    from gpis_grasp_planner.benchmark.runs import Run
     from gpis_grasp_planner.benchmark.store import RunStore
     from gpis_grasp_planner.benchmark.study_objects import StudyObjects
     from gpis_grasp_planner.benchmark.study_runs import StudyRun
-
-STRICT = "strict"
-PROTOCOLS = (STRICT,)
+STRICT, RANKING = "strict", "ranking"
+PROTOCOLS = (STRICT, RANKING)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,15 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="N random parts of PyBullet's data package and all of its household objects",
     )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="planning and sizes; 0")
-    group.add_argument(
-        "--tried", type=int, default=5, metavar="N", help="grasps per answer that are tried; 5"
-    )
+    group.add_argument("--tried", type=int, default=5, metavar="N", help="grasps per answer; 5")
     group.add_argument(
         "--displacements",
         type=int,
         default=10,
         metavar="N",
-        help="of the first grasp under pose noise; 10",
+        help="strict: of the first grasp under pose noise; ranking: of every grasp tried; 10",
+    )
+    group.add_argument(
+        "--selecting",
+        type=int,
+        default=5,
+        metavar="N",
+        help="ranking: further displacements, by which trials order the grasps; 5",
     )
     group.add_argument(
         "--noise-seed", type=int, default=20_000, metavar="N", help="of the displacements; 20000"
@@ -78,16 +84,17 @@ def shown_command(words: Sequence[str]) -> str:
     return "gpis-grasp " + shlex.join(Path(w).name if w.startswith("/") else w for w in words)
 
 
-def _plan_of_work(arguments: argparse.Namespace) -> tuple[StudyObjects, list[StudyRun]]:
+def _plan_of_work(
+    arguments: argparse.Namespace,
+) -> tuple[StudyObjects, list[StudyRun | RankingRun]]:
     from gpis_grasp_planner.benchmark.runs import Run, object_hash
     from gpis_grasp_planner.benchmark.study_objects import SHIPPED, collect
-    from gpis_grasp_planner.benchmark.study_runs import StudyRun
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.part import Friction
     from gpis_grasp_planner.planning.planners import check_planner
     from gpis_grasp_planner.planning.request import DEFAULT_FRICTION
 
-    for name in ("cores", "tried", "displacements"):
+    for name in ("cores", "tried", "displacements", "selecting"):
         if getattr(arguments, name) < 1:
             raise RequestError(f"--{name} is {getattr(arguments, name)}; give at least 1.")
     if arguments.noise_seed < 0 or arguments.noise_seed == arguments.seed:
@@ -106,8 +113,9 @@ def _plan_of_work(arguments: argparse.Namespace) -> tuple[StudyObjects, list[Stu
         catalogue_settings,
     )
     runs = [
-        StudyRun(
-            plan=Run(
+        _with_trials(
+            arguments,
+            Run(
                 object_id=object_id,
                 object_hash=object_hash(part),
                 planner=check_planner(arguments.planners),
@@ -118,10 +126,7 @@ def _plan_of_work(arguments: argparse.Namespace) -> tuple[StudyObjects, list[Stu
                 friction=asked or part.friction or DEFAULT_FRICTION,
                 settings=settings.as_dict(),
             ),
-            object_set=objects.set_of[object_id],
-            tried=arguments.tried,
-            displacements=arguments.displacements,
-            noise_seed=arguments.noise_seed,
+            objects.set_of[object_id],
         )
         for object_id, part in objects.parts.items()
     ]
@@ -130,12 +135,37 @@ def _plan_of_work(arguments: argparse.Namespace) -> tuple[StudyObjects, list[Stu
     return objects, runs
 
 
+def _with_trials(
+    arguments: argparse.Namespace, plan: Run, object_set: str
+) -> StudyRun | RankingRun:
+    from gpis_grasp_planner.benchmark.ranking_runs import RankingRun
+    from gpis_grasp_planner.benchmark.study_runs import StudyRun
+
+    if arguments.protocol == RANKING:
+        return RankingRun(
+            plan=plan,
+            object_set=object_set,
+            tried=arguments.tried,
+            displacements=arguments.displacements,
+            selecting=arguments.selecting,
+            noise_seed=arguments.noise_seed,
+        )
+    return StudyRun(
+        plan=plan,
+        object_set=object_set,
+        tried=arguments.tried,
+        displacements=arguments.displacements,
+        noise_seed=arguments.noise_seed,
+    )
+
+
 def _write(
     arguments: argparse.Namespace,
     objects: StudyObjects,
     store: RunStore,
-    runs: Sequence[StudyRun],
+    runs: Sequence[StudyRun | RankingRun],
 ) -> None:
+    from gpis_grasp_planner.benchmark.ranking_report import ranking_report, write_ranking_tables
     from gpis_grasp_planner.benchmark.study_outcomes import write_tables
     from gpis_grasp_planner.benchmark.study_report import study_report
     from gpis_grasp_planner.cli import output
@@ -143,9 +173,14 @@ def _write(
     records = store.select(runs)
     if not records:
         return
-    write_tables(arguments.out, records, objects.refused)
     missing = [one.object_id for one in runs if not store.has(one)]
     command = shown_command(arguments.words)
+    if arguments.protocol == RANKING:
+        write_ranking_tables(arguments.out, records)
+        text = ranking_report(records, command, missing)
+    else:
+        write_tables(arguments.out, records, objects.refused)
+        text = study_report(records, objects.refused, command, missing)
     path = arguments.out / "report.md"
-    path.write_text(study_report(records, objects.refused, command, missing), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     output.console().print(f"report: {path}")
