@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -45,7 +46,8 @@ OWNERS = {
     "open3d": ("view/",),
     "matplotlib": ("view/",),
     **dict.fromkeys(
-        ("builtin_interfaces", "geometry_msgs", "gpis_grasp_msgs", "rcl_interfaces", "sensor_msgs",
+        ("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
+         "gpis_grasp_msgs", "rcl_interfaces", "sensor_msgs",
          "std_msgs", "std_srvs", "visualization_msgs", "tf2_ros"),
         ("ros/",),
     ),
@@ -181,6 +183,17 @@ def test_a_bad_module_is_found(module: str, source: str, word: str) -> None:
 )
 def test_a_good_module_passes(module: str, source: str) -> None:
     assert faults(source, module) == []
+
+
+def test_the_ros_packages_that_are_imported_are_those_of_the_package_xml() -> None:
+    imported = {
+        name.split(".")[0]
+        for path in (PACKAGE / "ros").glob("*.py")
+        for name in imported_names(path.read_text(), f"ros/{path.name}")
+    }
+    others = {"gpis_grasp_planner", "numpy"} | sys.stdlib_module_names
+    declared = ET.parse(PACKAGE.parent / "package.xml").iter("exec_depend")
+    assert imported - others == {element.text for element in declared}
 
 
 def test_the_core_imports_without_ros_and_without_the_heavy_libraries() -> None:

@@ -187,6 +187,21 @@ def test_not_converging_is_a_status():
     np.testing.assert_array_equal(result.dual_residuals, 0.0)
 
 
+def test_solvers_that_find_nothing_better_end_where_they_began():
+    def stay(v, rho, start):
+        return start
+
+    start = np.array([0.2, 0.7])
+    result = solve_admm(stay, stay, start, np.zeros(2), np.ones(2))
+    assert result.status is AdmmStatus.CONVERGED
+    assert result.iterations == 1
+    assert not result.moved
+    np.testing.assert_array_equal(result.z, start)
+    np.testing.assert_array_equal(result.primal_residuals, 0.0)
+    np.testing.assert_array_equal(result.dual_residuals, 0.0)
+    assert solve_admm(centre, constant(0.5, 0.5), start, np.zeros(2), np.ones(2)).moved
+
+
 def test_the_caller_can_stop_it_before_and_between_iterations():
     calls = iter([False, False, True])
     identity = constant(0.5, 0.5)

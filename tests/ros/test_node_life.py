@@ -9,8 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
@@ -169,4 +171,41 @@ def test_parameters_and_diagnostics_of_a_running_node(
     # A worker that is lost while idle comes back by itself.
     os.kill(worker, signal.SIGKILL)
     assert node.wait_worker(other_than=worker) != worker
+    assert node.end() == 0
+
+
+def test_estimates_with_covariance_by_parameter(
+    start_node: Start, client: Any, tools: Any, parts: Path
+) -> None:
+    node = start_node(
+        {
+            "mesh_directories": f"[{parts}]",
+            "pose_type": "pose_with_covariance_stamped",
+            "planning_grace_s": "60.0",
+        }
+    )
+    node.wait_ready()
+    publisher = client.node.create_publisher(PoseWithCovarianceStamped, "object_pose", 1)
+    tools.wait(lambda: publisher.get_subscription_count() > 0, "the node")
+
+    def answer_at(age_s: float) -> Any:
+        estimate = tools.stamped(client, age_s, frame="camera", xyz=(0.0, 0.0, 1.0))
+        covariance = PoseWithCovariance(pose=estimate.pose)
+        publisher.publish(PoseWithCovarianceStamped(header=estimate.header, pose=covariance))
+        return client.plan("sphere", object_pose=PoseStamped())
+
+    tools.wait(lambda: answer_at(60.0).code == ErrorCode.STALE_POSE, "the stale estimate")
+    here = client.plan("sphere")
+    tools.wait(lambda: answer_at(0.0).success, "the new estimate")
+    there = answer_at(0.0)
+    assert there.from_cache
+    for a, b in zip(here.grasps, there.grasps, strict=True):
+        assert b.palm_pose.header.frame_id == "camera"
+        T_object_palm = np.linalg.inv(tools.matrix(tools.pose().pose)) @ tools.matrix(
+            a.palm_pose.pose
+        )
+        T_camera_object = tools.matrix(tools.pose(xyz=(0.0, 0.0, 1.0)).pose)
+        T_camera_palm = tools.matrix(b.palm_pose.pose)
+        np.testing.assert_allclose(T_camera_palm, T_camera_object @ T_object_palm, atol=1e-9)
+    client.node.destroy_publisher(publisher)
     assert node.end() == 0

@@ -85,6 +85,13 @@ class AdmmResult:
     q_history, z_history : (k, d) arrays
     z_start : (d,) array
         The z before the first iteration; with the histories it gives every residual again.
+
+    Notes
+    -----
+    Converged says that the iteration has come to rest in consensus (Boyd et al., section 3.3), as
+    far as its solvers can tell: one that samples may overlook a better point. Where neither
+    solver finds anything better than a start without violation, the first iteration ends where it
+    began, with both residuals zero: converged, and `moved` is False.
     """
 
     q: Array
@@ -102,6 +109,11 @@ class AdmmResult:
     def converged(self) -> bool:
         """Whether both residuals met their tolerances."""
         return self.status is AdmmStatus.CONVERGED
+
+    @property
+    def moved(self) -> bool:
+        """Whether the answer z is another point than the start."""
+        return bool((self.z != self.z_start).any())
 
     @property
     def iterations(self) -> int:

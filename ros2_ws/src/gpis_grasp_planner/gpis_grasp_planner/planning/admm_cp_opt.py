@@ -80,7 +80,7 @@ class CpOptResult:
 
     @property
     def converged(self) -> bool:
-        """Whether both residuals met their tolerances."""
+        """Whether both residuals met their tolerances; also where the start stayed the best."""
         return self.admm.converged
 
 
