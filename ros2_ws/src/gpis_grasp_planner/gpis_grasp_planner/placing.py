@@ -23,17 +23,8 @@ from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.place import Place
 from gpis_grasp_planner.planning.pose_uncertainty import rank_under_uncertainty
 from gpis_grasp_planner.planning.ranking import answer_rank
-from gpis_grasp_planner.planning.request import (
-    TIME_BUDGET_RANGE_S,
-    PlanRequest,
-    PlanResult,
-    Progress,
-)
+from gpis_grasp_planner.planning.request import PlanRequest, PlanResult, Progress
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
-
-# A search that has to be made anew gets at least this share of the time budget, whatever the
-# first one has left of it.
-SECOND_SEARCH = 0.5
 
 
 def place_result(
@@ -78,9 +69,8 @@ def place_result(
     """
     n = result.request.n_grasps if n_grasps is None else n_grasps
     settings = planner.settings
-    wanted = n
-    if place.covariance is not None:
-        wanted = max(n, settings.uncertainty.candidates)
+    covariance = None if settings.uncertainty.method == "none" else place.covariance
+    wanted = n if covariance is None else max(n, settings.uncertainty.candidates)
     if place.surroundings:
         answer = place_answer(
             result,
@@ -94,8 +84,8 @@ def place_result(
     else:
         few = replace(result, grasps=result.grasps[:wanted])
         answer = PlacedAnswer(few, (Clearance(np.inf),) * len(few.grasps), {}, None)
-    if place.covariance is not None and answer.result.grasps:
-        answer = _ranked_to_hold(planner, part, answer, place.covariance, deadline)
+    if covariance is not None and answer.result.grasps:
+        answer = _ranked_to_hold(planner, part, answer, covariance, deadline)
     return replace(
         answer,
         result=replace(answer.result, grasps=answer.result.grasps[:n]),
@@ -108,7 +98,7 @@ def plan_around(
     part: Part,
     request: PlanRequest,
     place: Place,
-    blocked: PlacedAnswer | None = None,
+    blocked: str = "",
     on_progress: Callable[[Progress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> PlacedAnswer:
@@ -117,8 +107,8 @@ def plan_around(
     Parameters
     ----------
     planner, part, request, place
-    blocked : PlacedAnswer, optional
-        The answer that left nothing; its counts are told again.
+    blocked : str
+        What blocked the grasps of the plan in free space (`answer.causes_text`), to be told again.
     on_progress, should_stop : callable, optional
         As of `GraspPlanner.plan`.
 
@@ -131,7 +121,7 @@ def plan_around(
     result = planner.plan(part, known, on_progress, should_stop)
     # The search is over; what is left to do is short, and an answer without it would be none.
     answer = place_result(planner, part, result, place)
-    before = "" if blocked is None else f" ({causes_text(blocked.blocked)})"
+    before = f" ({blocked})" if blocked else ""
     if answer.result.grasps:
         note = (
             f"All grasps kept of the plan in free space were blocked here{before}; these were "
@@ -149,7 +139,6 @@ def plan_around(
     return replace(
         answer,
         result=replace(answer.result, code=ErrorCode.ALL_GRASPS_BLOCKED, message=message),
-        blocked=answer.blocked if blocked is None else blocked.blocked,
     )
 
 
@@ -176,15 +165,10 @@ def plan_at(
         return result, answer
     answer = place_result(planner, part, result, place)
     if answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED:
-        again = replace(request, time_budget_s=second_budget_s(request, time.monotonic() - start))
-        answer = plan_around(planner, part, again, place, answer, on_progress, should_stop)
+        again = request.again(time.monotonic() - start)
+        causes = causes_text(answer.blocked)
+        answer = plan_around(planner, part, again, place, causes, on_progress, should_stop)
     return result, answer
-
-
-def second_budget_s(request: PlanRequest, spent_s: float) -> float:
-    """Time budget [s] of a search that has to be made anew after `spent_s` of a request."""
-    budget = request.time_budget_s
-    return max(budget - spent_s, SECOND_SEARCH * budget, TIME_BUDGET_RANGE_S[0])
 
 
 def _ranked_to_hold(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,15 @@ class PlanRequest:
         for name in ("finger", "palm"):
             if self.friction is not None:
                 check_friction(getattr(self.friction, name), name)
+
+    def again(self, spent_s: float) -> PlanRequest:
+        """The same request for a search that has to be made anew after `spent_s` [s].
+
+        It gets what is left of the time budget, but at least half of it: where the first search
+        has used it up, an answer is late rather than missing.
+        """
+        left = max(self.time_budget_s - spent_s, 0.5 * self.time_budget_s, TIME_BUDGET_RANGE_S[0])
+        return replace(self, time_budget_s=left)
 
     def friction_for(self, part_friction: Friction | None) -> Friction:
         """The request's friction, else the part's, else the default."""

@@ -13,8 +13,9 @@ class UncertaintySettings(SettingsGroup):
 
     method: str = setting(
         "sampled",
-        choices=("sampled", "unscented"),
-        description="Perturbations at random, or the sigma points of the unscented transform.",
+        choices=("sampled", "unscented", "none"),
+        description="Perturbations at random, or the sigma points of the unscented transform; "
+        "none: covariances are not looked at.",
     )
     samples: int = setting(
         64, low=2, high=10_000, description="Random perturbations per grasp, about 1 ms each."

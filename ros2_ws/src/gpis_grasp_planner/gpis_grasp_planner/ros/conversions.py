@@ -93,6 +93,10 @@ def grasp_message(
         pre_grasp_palm_pose=PoseStamped(header=header, pose=pose_message(T_world_pregrasp)),
         approach_direction=Vector3Stamped(header=header, vector=vector_message(direction)),
         approach_distance=float(grasp.approach_distance),
+        lift_direction=Vector3Stamped(
+            header=header, vector=vector_message(R_world_object @ grasp.way_out)
+        ),
+        hold_probability=-1.0 if grasp.hold_probability is None else float(grasp.hold_probability),
         epsilon=float(grasp.epsilon),
         volume=float(grasp.volume),
         verification=verification_message(grasp.trials),

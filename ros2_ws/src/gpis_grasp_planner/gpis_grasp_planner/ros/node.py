@@ -28,6 +28,7 @@ from gpis_grasp_planner.ros.plan_supply import PlanSupply
 from gpis_grasp_planner.ros.planning_process import PlanningProcess
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
+from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.text import printable
 
 NODE_NAME = "grasp_planner"
@@ -60,8 +61,13 @@ class GraspPlannerNode(Node):
             self.parameters.planning_values,
         )
         publishers = GraspPublishers(self, hand)
+        scenes = SceneSource(
+            lambda: self.parameters.node,
+            self.supply.check_mesh_id,
+            self.parameters.uses_covariance,
+        )
         self.service = PlanGraspService(
-            self, hand, lambda: self.parameters.node, self.poses, self.supply, publishers
+            self, hand, lambda: self.parameters.node, self.poses, self.supply, publishers, scenes
         )
         self.diagnostics = Diagnostics(
             self,

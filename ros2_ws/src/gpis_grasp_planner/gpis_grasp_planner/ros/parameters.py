@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from gpis_grasp_planner.errors import GraspPlannerError, RequestError
+from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.ros.parameter_groups import parameter_groups, parameter_infos
 from gpis_grasp_planner.ros.settings import READ_ONLY, NodeSettings
 from gpis_grasp_planner.ros.text import printable
@@ -67,6 +68,12 @@ class NodeParameters:
     def group(self, name: str) -> SettingsGroup:
         """One group of settings at this moment."""
         return self._groups[name]
+
+    def uses_covariance(self) -> bool:
+        """Whether covariances of poses are looked at, at this moment."""
+        group = self._groups["uncertainty"]
+        assert isinstance(group, UncertaintySettings)
+        return group.method != "none"
 
     def _refuse_unknown(self) -> None:
         # rclpy ignores an override of an undeclared parameter without a word: a slip of the pen

@@ -12,10 +12,18 @@ from typing import Any
 
 from gpis_grasp_planner.ros.planned import Plan, PlanOrder
 
+# What is done with a plan afterwards, at each place anew, does not make it another plan.
+AFTERWARDS = ("clearance", "uncertainty")
+
 
 def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
-    """One string for everything that decides a plan; equal keys mean equal plans."""
-    content: Mapping[str, Any] = {**asdict(order), "mesh": mesh_fingerprint}
+    """One string for everything that decides a plan in free space; equal keys mean equal plans."""
+    settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
+    content: Mapping[str, Any] = {
+        **asdict(order),
+        "settings": settings,
+        "mesh": mesh_fingerprint,
+    }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -18,6 +18,7 @@ from gpis_grasp_planner.ros.plan_supply import PlanSupply
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.request_guard import ObjectPose, check_request
+from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
 
@@ -35,6 +36,7 @@ class PlanGraspService:
         poses: PoseSource,
         supply: PlanSupply,
         publishers: GraspPublishers,
+        scenes: SceneSource,
     ) -> None:
         self._log = node.get_logger()
         self._hand = hand
@@ -42,6 +44,7 @@ class PlanGraspService:
         self._poses = poses
         self._supply = supply
         self._publishers = publishers
+        self._scenes = scenes
         self._count_lock = threading.Lock()
         self.n_in_work = 0
         self.n_answers = 0
@@ -98,9 +101,13 @@ class PlanGraspService:
         self._supply.check_mesh_id(request.mesh_id)
         given = self._poses.from_request(request.object_pose)
         pose = given or self._poses.newest(request.mesh_id)
+        place = self._scenes.place(request, pose)  # before the plan: a bad scene is told at once
         supplied = self._supply.plan(request.mesh_id, plan_request)
         if given is None and not supplied.from_cache:
             pose = self._newer(request.mesh_id, pose)
+            place = self._scenes.place(request, pose)
+        if place:
+            supplied = self._supply.place(supplied, place, plan_request)
         plan = supplied.plan
         response.code = int(plan.code)
         response.message = plan.message

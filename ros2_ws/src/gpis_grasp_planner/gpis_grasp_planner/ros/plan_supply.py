@@ -7,17 +7,20 @@ at once. A request that finds its plan in memory never waits.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from gpis_grasp_planner.errors import ErrorCode, SystemFault
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN, CatalogueSettings, MeshCatalogue
+from gpis_grasp_planner.planning.place import Place
 from gpis_grasp_planner.planning.request import PlanRequest
 from gpis_grasp_planner.ros.mesh_source import fingerprint
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
-from gpis_grasp_planner.ros.planned import Plan, PlanOrder
+from gpis_grasp_planner.ros.planned import PlaceOrder, Plan, PlanOrder
 from gpis_grasp_planner.ros.planning_process import PlanningProcess
 from gpis_grasp_planner.ros.settings import NodeSettings
 
@@ -89,20 +92,52 @@ class PlanSupply:
         """
         settings = self._settings()
         shared = replace(request, n_grasps=max(request.n_grasps, settings.default_n_grasps))
-        order = PlanOrder(
-            mesh_id, tuple(map(str, self._directories)), shared, self._planning_values()
-        )
+        order = self._order(mesh_id, shared)
         self.cache.size = settings.plan_cache_size
         known = self.cache.get(self._key(order))
         if known is not None:
             return SuppliedPlan(known, from_cache=True)
-        self._enter(settings.queue_size)
-        try:
-            with self._turn:
-                return self._plan_in_turn(order, settings.planning_grace_s)
-        finally:
-            with self._count_lock:
-                self._n_requests -= 1
+        with self._entered(settings.queue_size), self._turn:
+            return self._plan_in_turn(order, settings.planning_grace_s)
+
+    def place(self, supplied: SuppliedPlan, place: Place, request: PlanRequest) -> SuppliedPlan:
+        """The plan for one place of its part; where that leaves nothing, another search.
+
+        What is searched with the surroundings known is for this place alone and is not kept.
+
+        Raises
+        ------
+        GraspPlannerError
+            BUSY where the search would have to wait for too many others, or why there is no answer.
+        """
+        start = time.monotonic()
+        settings, plan = self._settings(), supplied.plan
+        if plan.code != ErrorCode.SUCCESS:
+            return supplied
+        order = PlaceOrder(
+            plan,
+            tuple(map(str, self._directories)),
+            place.as_mapping(),
+            request.n_grasps,
+            request.time_budget_s,
+            self._planning_values(),
+        )
+        placed = self._process.place(order, settings.planning_grace_s)
+        if placed.code != ErrorCode.ALL_GRASPS_BLOCKED:
+            return SuppliedPlan(placed, supplied.from_cache)
+        spent_s = time.monotonic() - start + (0.0 if supplied.from_cache else plan.elapsed_s)
+        again = replace(
+            self._order(plan.mesh_id, request.again(spent_s)),
+            place=order.place,
+            blocked=placed.blocked,
+        )
+        with self._entered(settings.queue_size), self._turn:
+            searched = self._process.plan(again, settings.planning_grace_s)
+        return SuppliedPlan(searched, from_cache=False)
+
+    def _order(self, mesh_id: str, request: PlanRequest) -> PlanOrder:
+        directories = tuple(map(str, self._directories))
+        return PlanOrder(mesh_id, directories, request, self._planning_values())
 
     def _plan_in_turn(self, order: PlanOrder, grace_s: float) -> SuppliedPlan:
         # Another request may have made the plan, or the file may have changed, while this waited.
@@ -121,7 +156,9 @@ class PlanSupply:
             self.cache.put(key, plan)
         return SuppliedPlan(plan, from_cache=False)
 
-    def _enter(self, queue_size: int) -> None:
+    @contextmanager
+    def _entered(self, queue_size: int) -> Iterator[None]:
+        """Be one of the requests that are planned or wait; BUSY if there are too many."""
         with self._count_lock:
             if self._n_requests > queue_size:
                 raise SystemFault(
@@ -130,6 +167,11 @@ class PlanSupply:
                     ErrorCode.BUSY,
                 )
             self._n_requests += 1
+        try:
+            yield
+        finally:
+            with self._count_lock:
+                self._n_requests -= 1
 
     def _key(self, order: PlanOrder) -> str:
         return plan_key(order, self._fingerprint(order.mesh_id) or "")

@@ -1,4 +1,7 @@
-"""What goes between the node and its planning process: plain data, cheap to import and pickle."""
+"""What goes between the node and its planning process: plain data, cheap to import and pickle.
+
+Every message is a pair of a number and one of these; answers have the number of their order.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,42 @@ class PlanOrder:
     """One plan to make.
 
     `settings` holds, per group, the values by name: those of ``planning.settings`` and the
-    group "catalogue".
+    group "catalogue". With a `place` (`planning.place.Place.as_mapping`) the search knows the
+    surroundings, and the plan is for this place alone; `blocked` says what had blocked the plan
+    in free space.
     """
 
     mesh_id: str
     mesh_directories: tuple[str, ...]
     request: PlanRequest
+    settings: Mapping[str, Mapping[str, Any]]
+    place: Mapping[str, Any] | None = None
+    blocked: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceOrder:
+    """One plan to be answered for a place of its part, while another may be made.
+
+    Attributes
+    ----------
+    plan : Plan
+        With its record.
+    mesh_directories : tuple of str
+    place : mapping
+        `planning.place.Place.as_mapping`.
+    n_grasps : int
+    time_budget_s : float
+        Nothing further is begun after this time; one grasp is always looked at.
+    settings : mapping
+        As in PlanOrder.
+    """
+
+    plan: Plan
+    mesh_directories: tuple[str, ...]
+    place: Mapping[str, Any]
+    n_grasps: int
+    time_budget_s: float
     settings: Mapping[str, Mapping[str, Any]]
 
 
@@ -45,6 +78,11 @@ class Plan:
         Grasps tried.
     elapsed_s : float
         Time in the planning process.
+    record : bytes
+        The whole result with its reserve, for the planning process alone: it travels with every
+        order to place the plan, so that a new process needs nothing of an old one's.
+    blocked : str
+        What was blocked at the place that the plan is for, by cause.
     """
 
     code: ErrorCode
@@ -56,6 +94,8 @@ class Plan:
     notes: tuple[str, ...]
     evaluations: int
     elapsed_s: float
+    record: bytes = b""
+    blocked: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,7 +105,7 @@ class WorkerReady:
 
 @dataclass(frozen=True)
 class WorkerAccepted:
-    """The planning process has begun with an order."""
+    """The planning process has begun to plan, or has taken an order to place a plan."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +120,7 @@ class WorkerProgress:
 
 @dataclass(frozen=True)
 class WorkerError:
-    """The running plan ended with an error of the project's tree, or an unexpected one."""
+    """An order ended with an error of the project's tree, or an unexpected one."""
 
     code: ErrorCode
     message: str

@@ -1,4 +1,8 @@
-"""The planning process: takes orders over a socket pair, one at a time, until that closes."""
+"""The planning process: takes orders over a socket pair until that closes.
+
+It makes plans one at a time on its main thread, and places plans that exist on another: the
+compiled code leaves Python's lock to others, so that these answers come while a plan is made.
+"""
 
 from __future__ import annotations
 
@@ -8,100 +12,49 @@ import os
 import queue
 import sys
 import threading
-import time
 import traceback
-from collections.abc import Callable
-from dataclasses import replace
 from multiprocessing.connection import Connection
-from pathlib import Path
 
-from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError
-from gpis_grasp_planner.geometry.catalogue import CatalogueSettings
-from gpis_grasp_planner.planner import GraspPlanner
-from gpis_grasp_planner.planning.request import TIME_BUDGET_RANGE_S, PlanResult, Progress
-from gpis_grasp_planner.planning.settings import PlannerSettings
-from gpis_grasp_planner.ros.part_loading import PartLoader
+from gpis_grasp_planner.planning.request import Progress
 from gpis_grasp_planner.ros.planned import (
-    Plan,
+    PlaceOrder,
     PlanOrder,
     WorkerAccepted,
-    WorkerError,
     WorkerProgress,
     WorkerReady,
 )
+from gpis_grasp_planner.ros.planner_desk import PlannerDesk, answer_of
 from gpis_grasp_planner.scene.warm_up import warm_up
 
 WARM_UP_PLANNER = "hpp"
 
 
-class Planner:
-    """Serves orders; what it prepared for a mesh is kept while the settings stay the same."""
+class Counter:
+    """The worker's end of the socket pair; orders wait here in a queue of each kind."""
 
-    def __init__(self) -> None:
-        self._planner = GraspPlanner()
-        self._parts = PartLoader()
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._sending = threading.Lock()
+        self.plans: queue.SimpleQueue[tuple[int, PlanOrder]] = queue.SimpleQueue()
+        self.places: queue.SimpleQueue[tuple[int, PlaceOrder]] = queue.SimpleQueue()
 
-    def make_plan(self, order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
-        """Load the mesh and plan.
+    def send(self, number: int, message: object) -> None:
+        """Send an answer to order `number`; from any thread."""
+        with self._sending:
+            self._connection.send((number, message))
 
-        Loading and preparing a mesh counts against the time budget, but at least half of that is
-        left to the search: a first call with a short budget must not end before it began.
-
-        Raises
-        ------
-        GraspPlannerError
-            Of the catalogue or the planner.
-        """
-        start = time.monotonic()
-        groups = dict(order.settings)
-        catalogue_settings = CatalogueSettings.from_mapping(groups.pop("catalogue"))
-        directories = [Path(directory) for directory in order.mesh_directories]
-        part = self._parts.load(directories, catalogue_settings, order.mesh_id)
-        settings = PlannerSettings.from_mapping(groups)
-        if settings != self._planner.settings:
-            self._planner = GraspPlanner(settings)
-        self._planner.prepare(part)
-        budget_s = order.request.time_budget_s
-        left_s = max(budget_s - (time.monotonic() - start), 0.5 * budget_s, TIME_BUDGET_RANGE_S[0])
-        request = replace(order.request, time_budget_s=left_s)
-        result = self._planner.plan(part, request, on_progress)
-        return _light(result, elapsed_s=time.monotonic() - start)
-
-    def answer(
-        self, order: PlanOrder, on_progress: Callable[[Progress], None]
-    ) -> Plan | WorkerError:
-        """Make a plan, or an error that can be sent: whatever happens, there is an answer."""
+    def receive(self) -> None:
+        """Take orders; end the process, also in the middle of a plan, when the node is gone."""
         try:
-            return self.make_plan(order, on_progress)
-        except GraspPlannerError as error:
-            return WorkerError(error.code, error.message)
-        except MemoryError:
-            return WorkerError(
-                ErrorCode.INTERNAL,
-                "The planning process ran out of memory. Use a mesh with fewer faces, or a "
-                "machine with more memory.",
-            )
-        except Exception as error:
-            traceback.print_exc()
-            return WorkerError(
-                ErrorCode.INTERNAL,
-                f"The planner failed unexpectedly ({type(error).__name__}: {error}). The "
-                "traceback is in the node's output; please report it.",
-            )
-
-
-def _light(result: PlanResult, elapsed_s: float) -> Plan:
-    return Plan(
-        code=result.code,
-        message=result.message,
-        mesh_id=result.mesh_id,
-        mesh_hash=result.mesh_hash,
-        grasps=result.grasps,
-        best_attempt=result.best_attempt,
-        notes=result.notes,
-        evaluations=result.evaluations,
-        elapsed_s=elapsed_s,
-    )
+            while True:
+                number, order = self._connection.recv()
+                if isinstance(order, PlaceOrder):
+                    self.send(number, WorkerAccepted())
+                    self.places.put((number, order))
+                else:
+                    self.plans.put((number, order))
+        except (EOFError, OSError):
+            os._exit(0)
 
 
 def _warm_up() -> None:
@@ -121,40 +74,39 @@ def _give_memory_back() -> None:
         trim(0)
 
 
-def _receive(connection: Connection, orders: queue.SimpleQueue[PlanOrder]) -> None:
-    """Take orders; end the process, also in the middle of a plan, when the node is gone."""
-    try:
-        while True:
-            orders.put(connection.recv())
-    except (EOFError, OSError):
-        os._exit(0)
+def _make_plans(counter: Counter, desk: PlannerDesk) -> None:
+    while True:
+        number, order = counter.plans.get()
+        counter.send(number, WorkerAccepted())
 
-
-def main() -> None:
-    """Serve orders until the socket pair closes. Argument: the descriptor of this end."""
-    connection = Connection(int(sys.argv[1]))
-    orders: queue.SimpleQueue[PlanOrder] = queue.SimpleQueue()
-    threading.Thread(target=_receive, args=(connection, orders), daemon=True).start()
-    _warm_up()
-    _give_memory_back()
-    connection.send(WorkerReady())
-
-    def report(progress: Progress) -> None:
-        connection.send(
-            WorkerProgress(
+        def report(progress: Progress, number: int = number) -> None:
+            message = WorkerProgress(
                 progress.elapsed_s,
                 progress.evaluations,
                 progress.best_epsilon,
                 progress.n_candidates,
             )
-        )
+            counter.send(number, message)
 
-    planner = Planner()
-    while True:
-        order = orders.get()
-        connection.send(WorkerAccepted())
-        connection.send(planner.answer(order, report))
+        counter.send(number, answer_of(desk.make_plan, order, report))
         _give_memory_back()
+
+
+def _place_plans(counter: Counter, desk: PlannerDesk) -> None:
+    while True:
+        number, order = counter.places.get()
+        counter.send(number, answer_of(desk.place, order))
+
+
+def main() -> None:
+    """Serve orders until the socket pair closes. Argument: the descriptor of this end."""
+    counter, desk = Counter(Connection(int(sys.argv[1]))), PlannerDesk()
+    threading.Thread(target=counter.receive, daemon=True).start()
+    _warm_up()
+    _give_memory_back()
+    threading.Thread(target=_place_plans, args=(counter, desk), daemon=True).start()
+    counter.send(0, WorkerReady())
+    _make_plans(counter, desk)
 
 
 if __name__ == "__main__":

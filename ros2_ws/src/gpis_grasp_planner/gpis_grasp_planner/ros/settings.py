@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.planning.obstacles import Surroundings
 from gpis_grasp_planner.planning.request import (
     FRICTION_RANGE,
     GRASP_COUNT_RANGE,
@@ -17,6 +18,7 @@ from gpis_grasp_planner.planning.request import (
     check_friction,
 )
 from gpis_grasp_planner.planning.trials import VERIFICATIONS
+from gpis_grasp_planner.ros.scene_defaults import STAND_IN, obstacles_of, support_pose_of
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 # Those of planning.planners.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
@@ -116,6 +118,24 @@ class NodeSettings(SettingsGroup):
     plan_cache_size: int = setting(
         64, low=0, high=10_000, description="Plans kept in memory; the oldest go first."
     )
+    support_frame: str = setting(
+        "",
+        description="Frame of the default support plane, that of the object's poses; empty: the "
+        "node assumes no support.",
+    )
+    support_pose: str = setting(
+        "0 0 0 0 0 0 1",
+        description="Pose of the default support plane, x y z qx qy qz qw: its xy-plane carries "
+        "the part, its z axis points away from the support.",
+    )
+    obstacles_frame: str = setting(
+        "", description="Frame of the default obstacles, that of the object's poses."
+    )
+    obstacles: str = setting(
+        "",
+        description="Default obstacles as YAML or JSON text: the list of clearance.md; a mesh is "
+        "an ID of the catalogue. Empty: none.",
+    )
     diagnostics_period_s: float = setting(
         1.0, low=0.1, high=60.0, description="Time between two messages on /diagnostics."
     )
@@ -134,6 +154,7 @@ class NodeSettings(SettingsGroup):
                 f"{self.friction_palm:g}: one is 0. Set both at once, or both to 0 for the part's "
                 "own."
             )
+        self._check_scene()
         if self.friction is not None:
             check_friction(self.friction_finger, "finger")
             check_friction(self.friction_palm, "palm")
@@ -141,6 +162,16 @@ class NodeSettings(SettingsGroup):
             raise RequestError(
                 f"Setting 'mesh_directories' is {list(self.mesh_directories)!r}; it takes "
                 "non-empty strings. Name directories."
+            )
+
+    def _check_scene(self) -> None:
+        support_pose_of(self.support_pose)
+        listed = obstacles_of(self.obstacles)
+        Surroundings.from_mapping({"obstacles": listed}, lambda _mesh_id: STAND_IN)
+        if listed and not self.obstacles_frame:
+            raise RequestError(
+                f"Setting 'obstacles' names {len(listed)}, and 'obstacles_frame' is empty. Set it "
+                "to the frame of the object's poses, at once with the obstacles."
             )
 
     @property

@@ -1,0 +1,62 @@
+"""The default support and obstacles as texts of parameters."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.planning.obstacles import read_pose
+
+# The node checks everything but a mesh's geometry, which only the planning process reads.
+STAND_IN = TriangleMesh(1e-3 * np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
+
+
+@lru_cache(maxsize=8)
+def support_pose_of(text: str) -> NDArray[np.float64]:
+    """Pose (4, 4) from seven numbers ``x y z qx qy qz qw``.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SCENE.
+    """
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 7:
+        raise RequestError(
+            f"Setting 'support_pose' is {text!r}; it takes seven numbers: x y z [m] and "
+            "the quaternion x y z w, such as '0 0 0.75 0 0 0 1'.",
+            ErrorCode.INVALID_SCENE,
+        )
+    entry = {"position": numbers[:3], "quat_xyzw": numbers[3:]}
+    return read_pose(entry, "the setting support_pose")
+
+
+@lru_cache(maxsize=8)
+def obstacles_of(text: str) -> list[dict[str, Any]]:
+    """List of obstacles from YAML or JSON, in the form of ``docs/clearance.md``; "" is empty.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SCENE, where it is no list; what is in the list is not looked at.
+    """
+    try:
+        listed = yaml.safe_load(text) or []
+    except yaml.YAMLError:
+        listed = None
+    if not isinstance(listed, list):
+        raise RequestError(
+            f"Setting 'obstacles' is {text!r:.80}; it takes a list as YAML or JSON, such as "
+            "'[{name: wall, position: [0.4, 0, 0.9], size: [0.02, 1, 0.3]}]'.",
+            ErrorCode.INVALID_SCENE,
+        )
+    return listed
