@@ -280,6 +280,7 @@ def node(start_node: Callable[..., Any], parts: Path) -> Iterator[Any]:
             "default_planner": "hpp",
             "queue_size": "1",
             "diagnostics_period_s": "0.2",
+            "uncertainty.samples": "16",
         }
     )
     started.wait_ready()

@@ -82,13 +82,11 @@ class PlannerDesk:
         start = time.monotonic()
         catalogue = _catalogue(order.mesh_directories, order.settings)
         part, result = self._kept_or_loaded(order.plan, catalogue)
+        planner, place = self._planner_for(order.settings), _place(order.place, catalogue)
+        planner.prepare(part)  # has been done, but by an earlier process perhaps
+        deadline = max(start, time.monotonic() - 0.5 * order.time_budget_s) + order.time_budget_s
         answer = place_result(
-            self._planner_for(order.settings),
-            part,
-            result,
-            _place(order.place, catalogue),
-            n_grasps=order.n_grasps,
-            deadline=start + order.time_budget_s,
+            planner, part, result, place, n_grasps=order.n_grasps, deadline=deadline
         )
         return _light(answer.result, time.monotonic() - start, blocked=causes_text(answer.blocked))
 
