@@ -103,6 +103,6 @@ stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
 # Numba keeps compiled functions in a folder for this very state of the sources.
 if [ -f "$planner/gpis_grasp_planner/scene/warm_up.py" ]; then
-    stage warm_up "$(find "$planner" -name '*.py' -exec grep -l numba {} + | xargs sha256sum | sha256sum)" \
+    stage warm_up "$(find "$planner" -name '*.py' -exec grep -li numba {} + | xargs sha256sum | sha256sum)" \
         warm_up
 fi

@@ -24,7 +24,8 @@ def test_it_finds_grasps_and_says_what_it_does(capsys) -> None:
 def test_one_planner_alone() -> None:
     said: list[str] = []
     assert warm_up(["random-adaption"], said.append) > 0
-    assert [line.split(":")[0] for line in said][-2:] == ["planner random-adaption", "confirmation"]
+    steps = [line.split(":")[0] for line in said]
+    assert steps[-3:] == ["planner random-adaption", "confirmation", "placing"]
 
 
 def test_the_box_is_closed_and_faces_outwards() -> None:
@@ -36,12 +37,16 @@ def test_the_box_is_closed_and_faces_outwards() -> None:
 
 
 def test_a_plan_after_it_compiles_nothing_more() -> None:
-    """No compiled function has a new signature after a plan of a real part."""
+    """No compiled function has a new signature after a real part is planned and placed."""
     program = """
 import sys
 from numba.core.registry import CPUDispatcher
 from gpis_grasp_planner.scene.warm_up import warm_up
+from gpis_grasp_planner.placing import plan_at
 from gpis_grasp_planner.planner import GraspPlanner
+from gpis_grasp_planner.planning.place import Place
+from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.planning.request import PlanRequest
 
@@ -57,7 +62,16 @@ warm_up(["dual"])
 before = signatures()
 part = MeshCatalogue([default_catalogue_directory()]).load("flask")
 request = PlanRequest(planner="dual", max_evaluations=128, n_grasps=2, time_budget_s=120.0)
-GraspPlanner().plan(part, request)
+place = Place.from_mapping({
+    "support": {"point": part.mesh.bounds[0].tolist()},
+    "obstacles": [
+        {"position": [0.2, 0, 0], "size": [0.1, 0.1, 0.1]},
+        {"position": [0, 0.3, 0], "mesh": "flask"},
+    ],
+    "covariance": [1e-6] * 6,
+}, lambda _: part.mesh)
+settings = PlannerSettings(uncertainty=UncertaintySettings(method="unscented"))
+plan_at(GraspPlanner(settings), part, request, place)
 print(len(before))
 print(*sorted(signatures() - before), sep="\\n")
 """

@@ -14,11 +14,12 @@ import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, MeshError
-from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
+from gpis_grasp_planner.geometry.catalogue import CatalogueSettings
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.placing import place_result, plan_around
 from gpis_grasp_planner.planner import GraspPlanner
@@ -26,6 +27,7 @@ from gpis_grasp_planner.planning.answer import causes_text
 from gpis_grasp_planner.planning.place import Place
 from gpis_grasp_planner.planning.request import TIME_BUDGET_RANGE_S, PlanResult, Progress
 from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.ros.part_loading import PartLoader
 from gpis_grasp_planner.ros.planned import PlaceOrder, Plan, PlanOrder, WorkerError
 
 # Parts and unpacked results; a result remembers the exact quality of grasps of its reserve.
@@ -40,6 +42,8 @@ class PlannerDesk:
         self._lock = threading.Lock()
         self._planner = GraspPlanner()
         self._kept: OrderedDict[bytes, tuple[Part, PlanResult]] = OrderedDict()
+        # One for each thread.
+        self._parts_to_plan, self._parts_to_place = PartLoader(), PartLoader()
 
     def make_plan(self, order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
         """Load the mesh and plan; around its surroundings where the order names a place.
@@ -53,15 +57,15 @@ class PlannerDesk:
             Of the catalogue or the planner.
         """
         start = time.monotonic()
-        catalogue = _catalogue(order.mesh_directories, order.settings)
-        part = catalogue.load(order.mesh_id)
+        load = _load(self._parts_to_plan, order.mesh_directories, order.settings)
+        part = load(order.mesh_id)
         planner = self._planner_for(order.settings)
         planner.prepare(part)
         budget_s = order.request.time_budget_s
         left_s = max(budget_s - (time.monotonic() - start), 0.5 * budget_s, TIME_BUDGET_RANGE_S[0])
         request = replace(order.request, time_budget_s=left_s)
         if order.place is not None:
-            place = _place(order.place, catalogue)
+            place = _place(order.place, load)
             answer = plan_around(planner, part, request, place, order.blocked, on_progress)
             return _light(answer.result, time.monotonic() - start, blocked=order.blocked)
         result = planner.plan(part, request, on_progress)
@@ -80,9 +84,9 @@ class PlannerDesk:
             Of the catalogue, for a place that is refused, or for a mesh that has changed.
         """
         start = time.monotonic()
-        catalogue = _catalogue(order.mesh_directories, order.settings)
-        part, result = self._kept_or_loaded(order.plan, catalogue)
-        planner, place = self._planner_for(order.settings), _place(order.place, catalogue)
+        load = _load(self._parts_to_place, order.mesh_directories, order.settings)
+        part, result = self._kept_or_loaded(order.plan, load)
+        planner, place = self._planner_for(order.settings), _place(order.place, load)
         planner.prepare(part)  # has been done, but by an earlier process perhaps
         deadline = max(start, time.monotonic() - 0.5 * order.time_budget_s) + order.time_budget_s
         answer = place_result(
@@ -105,11 +109,11 @@ class PlannerDesk:
             while len(self._kept) > _KEPT:
                 self._kept.popitem(last=False)
 
-    def _kept_or_loaded(self, plan: Plan, catalogue: MeshCatalogue) -> tuple[Part, PlanResult]:
+    def _kept_or_loaded(self, plan: Plan, load: Callable[[str], Part]) -> tuple[Part, PlanResult]:
         with self._lock:
             kept = self._kept.get(_key(plan.record))
         if kept is None:
-            part = catalogue.load(plan.mesh_id)
+            part = load(plan.mesh_id)
             if part.mesh.content_hash != plan.mesh_hash:
                 raise MeshError(
                     f"The mesh file of '{plan.mesh_id}' changed while this request was answered: "
@@ -143,15 +147,16 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
         )
 
 
-def _catalogue(
-    directories: Sequence[str], settings: Mapping[str, Mapping[str, Any]]
-) -> MeshCatalogue:
+def _load(
+    loader: PartLoader, directories: Sequence[str], settings: Mapping[str, Mapping[str, Any]]
+) -> Callable[[str], Part]:
+    """What loads a part by its mesh ID."""
     values = CatalogueSettings.from_mapping(settings["catalogue"])
-    return MeshCatalogue([Path(directory) for directory in directories], values)
+    return partial(loader.load, [Path(directory) for directory in directories], values)
 
 
-def _place(data: Mapping[str, Any], catalogue: MeshCatalogue) -> Place:
-    return Place.from_mapping(data, lambda mesh_id: catalogue.load(mesh_id).mesh)
+def _place(data: Mapping[str, Any], load: Callable[[str], Part]) -> Place:
+    return Place.from_mapping(data, lambda mesh_id: load(mesh_id).mesh)
 
 
 def _key(record: bytes) -> bytes:

@@ -22,13 +22,24 @@ from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.hand.link_mesh import convex_hull
+from gpis_grasp_planner.planning.clearance import clear_grasps
+from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.finalists import choose_finalists
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.obstacles import (
+    BoxObstacle,
+    MeshObstacle,
+    SupportPlane,
+    Surroundings,
+)
 from gpis_grasp_planner.planning.planners import PLANNERS, make_search
+from gpis_grasp_planner.planning.pose_uncertainty import rank_under_uncertainty
+from gpis_grasp_planner.planning.pregrasp import narrow_pregrasp
 from gpis_grasp_planner.planning.ranking import GraspArchive
 from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
@@ -101,7 +112,31 @@ def warm_up(
     with BulletEvaluator(hand, part, friction, settings.scene, field, tree) as bullet:
         bullet.confirm(grasps[:1])
     say(f"confirmation: {time.monotonic() - began:.1f} s")
+    began = time.monotonic()
+    evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
+    warm_up_placing(evaluator, part, tree, grasps[:2])
+    say(f"placing: {time.monotonic() - began:.1f} s")
     return len(grasps)
+
+
+def warm_up_placing(
+    evaluator: CompiledEvaluator, part: Part, tree: TriangleTree, grasps: Sequence[Grasp]
+) -> None:
+    """Hold grasps against a plane, a box and a mesh, narrow their pre-grasps, disturb one."""
+    hand = evaluator.hand
+    aside = np.eye(4)
+    aside[0, 3] = 0.5
+    around = Surroundings(
+        SupportPlane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])),
+        (BoxObstacle(aside, np.full(3, 0.1)), MeshObstacle(aside, part.mesh)),
+    )
+    settings = ClearanceSettings()
+    clear_grasps(hand, grasps, around, settings)
+    narrow_pregrasp(hand, grasps, tree, settings.pregrasp_clearance_m)
+    points = UncertaintySettings(method="unscented")
+    rank_under_uncertainty(
+        evaluator, hand, grasps[:1], 1e-6 * np.eye(6), points, np.random.default_rng(0)
+    )
 
 
 def main() -> int:
