@@ -186,10 +186,13 @@ def test_a_part_that_gives_way_is_held_at_least_as_often(mug_plan, planner):
     estimates = [
         rank_under_uncertainty(
             mug_plan.context.evaluator, planner.hand, mug_plan.result.grasps[:8], NOISE,
-            UncertaintySettings(samples=24, give_way_m=way), np.random.default_rng(8),
+            UncertaintySettings(samples=24, give_way_m=way, draw_in_m=drawn),
+            np.random.default_rng(8),
         )[1]
-        for way in (0.0, 0.02)
+        for way, drawn in ((0.0, 0.0), (0.02, 0.0), (0.02, 0.01))
     ]  # fmt: skip
     p = np.array([[e.probability for e in r] for r in estimates])
     assert (p[1] >= p[0]).all()
     assert p[1].mean() > p[0].mean()
+    assert (p[2] >= p[1]).all()
+    assert p[2].mean() > p[1].mean()

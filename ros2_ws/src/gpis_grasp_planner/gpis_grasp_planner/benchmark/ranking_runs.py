@@ -33,18 +33,27 @@ Array = NDArray[np.float64]
 
 # The palm of the trials stops before the part and comes back by so much at most.
 _GUARDED_M = 0.02
+# As far as the trials' fingers drew displaced parts against the palm.
+_DRAWN_M = 0.01
 _SELECTING_SEED_OFFSET = 1
 _TRIALS_S = 900.0
 
-# The model as it is set, and with one thing changed after the other.
+# The model as it is set, and what its settings do.
 MODELS: Mapping[str, Mapping[str, object]] = {
     "as set": {},
-    "a miss where the palm meets the part": {"give_way_m": 0.0},
-    "guarded approach": {"give_way_m": _GUARDED_M},
-    "guarded approach, epsilon > 0.05": {"give_way_m": _GUARDED_M, "min_epsilon": 0.05},
-    "guarded approach, epsilon > 0.1": {"give_way_m": _GUARDED_M, "min_epsilon": 0.1},
-    "guarded approach, sigma points": {"give_way_m": _GUARDED_M, "method": "unscented"},
-}
+    "a miss where the palm meets the part": {"give_way_m": 0.0, "draw_in_m": 0.0},
+    "guarded approach": {"give_way_m": _GUARDED_M, "draw_in_m": 0.0},
+    "drawn in": {"give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "min_epsilon": 0.01},
+    "drawn in, epsilon > 0.05": {
+        "give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "min_epsilon": 0.05,
+    },
+    "drawn in, epsilon > 0.1": {
+        "give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "min_epsilon": 0.1,
+    },
+    "drawn in, sigma points": {
+        "give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "method": "unscented",
+    },
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -163,6 +163,8 @@ def _estimate(
         attempts = evaluator.attempt_from(T, joints)
         if settings.give_way_m > 0.0:
             _give_way(evaluator, attempts, T, joints, settings.give_way_m)
+        if settings.draw_in_m > 0.0:
+            _draw_in(evaluator, attempts, T, joints, settings.draw_in_m)
         ok = holds(attempts, hand, settings.min_epsilon)
         held.append(ok)
         quality.append(np.where(ok, attempts.epsilon, 0.0))
@@ -178,11 +180,7 @@ def _estimate(
 
 
 def _give_way(
-    evaluator: PostureEvaluator,
-    attempts: Attempts,
-    T: Array,
-    joints: Array,
-    reach: float,
+    evaluator: PostureEvaluator, attempts: Attempts, T: Array, joints: Array, reach: float
 ) -> None:
     """Try the hands that arrived in the part again, as far back as the part is pushed along."""
     rows = np.flatnonzero(attempts.status == AttemptStatus.PALM_COLLISION)
@@ -191,10 +189,32 @@ def _give_way(
     back = T[rows].copy()
     back[:, :3, 3] -= reach * back[:, :3, 2]
     touching, _ = evaluator.approach(back, joints[rows], reach)
-    again = evaluator.attempt_from(touching, joints[rows])
+    _put(attempts, rows, evaluator.attempt_from(touching, joints[rows]))
+
+
+def _draw_in(
+    evaluator: PostureEvaluator, attempts: Attempts, T: Array, joints: Array, reach: float
+) -> None:
+    """Try again with the part drawn against the palm, as closing fingers do; the better counts."""
+    free = np.flatnonzero(attempts.status != AttemptStatus.PALM_COLLISION)
+    if not len(free):
+        return
+    drawn, _ = evaluator.approach(T[free], joints[free], reach)
+    again = evaluator.attempt_from(drawn, joints[free])
+    better = (again.status == AttemptStatus.GRASPED) & (again.epsilon > attempts.epsilon[free])
+    _put(attempts, free[better], again, better)
+
+
+def _put(
+    attempts: Attempts,
+    rows: NDArray[np.intp],
+    again: Attempts,
+    of: NDArray[np.bool_] | slice = slice(None),
+) -> None:
+    """Put (some of) other attempts into rows."""
     for name in ("status", "joints", "n_contacts", "positions", "normals_inward", "friction",
                  "links", "epsilon", "volume"):  # fmt: skip
-        getattr(attempts, name)[rows] = getattr(again, name)
+        getattr(attempts, name)[rows] = getattr(again, name)[of]
 
 
 def _root(covariance: Array) -> Array:

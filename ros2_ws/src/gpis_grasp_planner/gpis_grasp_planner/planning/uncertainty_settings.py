@@ -42,3 +42,9 @@ class UncertaintySettings(SettingsGroup):
         high=0.05,
         description="How far the part gives way to an open hand that arrives in it; 0: a miss.",
     )
+    draw_in_m: float = setting(
+        0.0,
+        low=0.0,
+        high=0.05,
+        description="How far closing fingers draw the part towards the palm; 0: it stays.",
+    )
