@@ -178,7 +178,7 @@ def test_while_a_plan_runs_cached_calls_are_answered_and_too_many_are_told_busy(
 ) -> None:
     # One is planned and one waits (queue_size 1); the third, whichever it is, is one too many.
     calls = [
-        client.call_async(tools.request("sphere", time_budget=8.0, seed=seed)) for seed in (1, 2, 3)
+        client.call_async(tools.request("sphere", time_budget=4.0, seed=seed)) for seed in (1, 2, 3)
     ]
     tools.wait(lambda: any(call.done() for call in calls), "a first answer")
     [busy] = [call.result() for call in calls if call.done()]
