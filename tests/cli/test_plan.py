@@ -11,6 +11,7 @@ import trimesh
 from PIL import Image
 
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
+from gpis_grasp_planner.planning.document import read_document
 
 QUICK = (
     *("--planner", "random-adaption", "--evaluations", "192", "--grasps", "3"),
@@ -81,6 +82,81 @@ def test_no_grasp_is_3_and_the_document_is_written(gpis_grasp, tmp_path: Path) -
     assert answer.code == 3
     assert "NO_FEASIBLE_GRASP: No grasp with force closure of 'crate'" in answer.err
     assert json.loads(file.read_text())["grasps"] == []
+
+
+def test_a_table_an_obstacle_and_an_uncertain_pose(gpis_grasp, tmp_path: Path) -> None:
+    scene, file = tmp_path / "scene.yaml", tmp_path / "grasps.json"
+    scene.write_text(
+        "object: {position: [0.5, 0.0, 0.8]}\n"
+        "support: {point: [0, 0, 0.7]}\n"
+        "obstacles:\n"
+        "  - {name: wall, position: [0.8, 0, 0.8], size: [0.02, 1, 1]}\n"
+        "  - {name: other, position: [0.5, 0.5, 0.8], mesh: mug}\n"
+    )
+    answer = gpis_grasp(
+        "plan", "sphere", *QUICK, "--verify", "none", "--scene", scene, "--sigma-mm", 2,
+        "--set", "uncertainty.method=unscented", "--json", file,
+    )  # fmt: skip
+    assert answer.code == 0, answer.err
+    assert "P(hold)" in answer.out
+    assert "probability to hold" in answer.out
+    document = json.loads(file.read_text())
+    assert document["place"]["support"]["point"] == [0.0, 0.0, 0.7]
+    assert [o["name"] for o in document["place"]["obstacles"]] == ["wall", "other"]
+    assert document["place"]["obstacles"][1]["mesh"] == "mug"
+    assert np.diag(np.reshape(document["place"]["covariance"], (6, 6))) == pytest.approx(
+        [4e-6, 4e-6, 4e-6, 0, 0, 0]
+    )
+    held = [g["hold_probability"] for g in document["grasps"]]
+    assert held == sorted(held, reverse=True)
+    assert all(0.0 <= p <= 1.0 for p in held)
+    assert all(g["lift_direction"] == [0.0, 0.0, 1.0] for g in document["grasps"])
+    read = read_document(file).result
+    assert read.place == document["place"]
+    assert [g.hold_probability for g in read.grasps] == held
+
+
+def test_a_support_alone_keeps_the_hand_above_it(gpis_grasp, tmp_path: Path) -> None:
+    file = tmp_path / "grasps.json"
+    answer = gpis_grasp(
+        "plan", "sphere", *QUICK, "--verify", "none", "--support", "lowest", "--json", file
+    )
+    assert answer.code == 0, answer.err
+    document = json.loads(file.read_text())
+    radius = -document["place"]["support"]["point"][2]
+    assert radius == pytest.approx(0.05, abs=0.02)
+    assert document["place"]["support"]["normal"] == [0.0, 0.0, 1.0]
+    for grasp in document["grasps"]:
+        assert grasp["palm_pose"]["position"][2] > -radius
+        assert grasp["hold_probability"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("plan", "mug", "--support", "high"), "--support is 'high'"),
+        (("plan", "mug", "--scene", "nowhere.yaml"), "nowhere.yaml: No such file"),
+        (("plan", "mug", "--scene", "BAD"), "neither YAML nor JSON"),
+        (("plan", "mug", "--scene", "TABLE"), "unknown name 'table'"),
+        (("plan", "mug", "--scene", "SUPPORT", "--support", "0"), "Both --support"),
+        (("plan", "mug", "--covariance", "1,2"), "2 numbers"),
+        (("plan", "mug", "--covariance", "a,b"), "give numbers"),
+        (("plan", "mug", "--covariance=-1,0,0,0,0,0"), "negative eigenvalue"),
+        (("plan", "mug", "--covariance", "0,0,0,0,0,0", "--sigma-mm", "1"), "either"),
+        (("plan", "mug", "--sigma-deg", "-1"), "--sigma-deg is -1"),
+        (("plan", "mug", "--set", "clearance.margin_m=1"), "margin_m"),
+    ],
+)
+def test_a_bad_place_is_1_with_a_reason(
+    gpis_grasp, tmp_path: Path, arguments: tuple, word: str
+) -> None:
+    texts = {"BAD": "a: [", "TABLE": "table: {}", "SUPPORT": "support: {}"}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    answer = gpis_grasp(*(tmp_path / a if a in texts else a for a in arguments))
+    assert answer.code == 1
+    [line] = answer.err.splitlines()
+    assert word.lower() in line.lower()
 
 
 @pytest.mark.parametrize(

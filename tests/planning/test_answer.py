@@ -12,11 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.placing import place_result
+from gpis_grasp_planner.planner import GraspPlanner
 from gpis_grasp_planner.planning.answer import place_answer
 from gpis_grasp_planner.planning.clearance import Cause
 from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.planning.obstacles import BoxObstacle, SupportPlane, Surroundings
+from gpis_grasp_planner.planning.place import Place
 from gpis_grasp_planner.planning.reserve import Reserve
+from gpis_grasp_planner.planning.settings import PlannerSettings
 
 SEED = 20
 POSES = 200
@@ -52,23 +56,23 @@ def random_place(part, rotations, rng):
 
 
 def test_no_answer_comes_through_the_table(mug_plan, planner, referee):
+    """Through `placing`, as the node and the command line ask for it."""
+    opened = GraspPlanner(PlannerSettings(clearance=ClearanceSettings(pregrasp="open")))
     rng = np.random.default_rng(SEED)
     rotations = resting_rotations(mug_plan.part)
     up = [R[2, 2] for R in rotations]
     assert max(up) > 0.99  # upright
     assert min(map(abs, up)) < 0.3  # lying
-    tree = planner.prepare(mug_plan.part).tree
     table = coal.Halfspace(np.array([0.0, 0.0, 1.0]), float(TABLE.support.point[2]))
     answered, through, walked = 0, 0, {}
     for number in range(POSES):
         T_world_object = random_place(mug_plan.part, rotations, rng)
         T_object_world = np.linalg.inv(T_world_object)
-        answer = place_answer(
+        answer = place_result(
+            planner if number % 4 == 0 else opened,
+            mug_plan.part,
             mug_plan.result,
-            planner.hand,
-            TABLE.seen_from(T_world_object),
-            SETTINGS,
-            tree=tree if number % 4 == 0 else None,
+            Place(T_world_object, TABLE),
             n_grasps=4,
         )
         if not answer.result.grasps:
@@ -77,6 +81,7 @@ def test_no_answer_comes_through_the_table(mug_plan, planner, referee):
         answered += 1
         assert answer.lift_direction == pytest.approx(T_world_object[2, :3], abs=1e-12)
         for grasp in answer.result.grasps:
+            assert grasp.way_out == pytest.approx(answer.lift_direction)
             key = grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
             if key not in walked:
                 walked[key] = list(referee.way(grasp, n_back=5, n_closing=12))

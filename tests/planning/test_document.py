@@ -224,6 +224,10 @@ def _set(path: str, value: object):  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize(
     ("path", "value", "word"),
     [
+        ("place", {"table": 1}, "'place'.*'table'"),
+        ("place", [], "'place'"),
+        ("grasps.0.hold_probability", 1.5, "hold_probability"),
+        ("grasps.0.lift_direction", [0.0, 0.0, 2.0], "lift_direction"),
         ("schema", "something else", "schema"),
         ("schema_version", 1, "schema_version"),
         ("seed", KeyError, "lacks seed"),

@@ -84,13 +84,17 @@ def place_result(
     else:
         few = replace(result, grasps=result.grasps[:wanted])
         answer = PlacedAnswer(few, (Clearance(np.inf),) * len(few.grasps), {}, None)
+    message = answer.result.message
     if covariance is not None and answer.result.grasps:
         answer = _ranked_to_hold(planner, part, answer, covariance, deadline)
-    return replace(
-        answer,
-        result=replace(answer.result, grasps=answer.result.grasps[:n]),
-        clearances=answer.clearances[:n],
+        message = _message(answer, n)
+    chosen = replace(
+        answer.result,
+        message=message,
+        grasps=answer.result.grasps[:n],
+        place=place.as_mapping(),
     )
+    return replace(answer, result=chosen, clearances=answer.clearances[:n])
 
 
 def plan_around(
@@ -207,11 +211,17 @@ def _ranked_to_hold(
         notes += (
             f"The time budget ended after the hold probability of {tried} of {len(grasps)} grasps.",
         )
-    message = f"{result.message} Ranked by the probability to hold under the pose's covariance."
     return replace(
         answer,
-        result=replace(
-            result, grasps=tuple(grasps[i] for i in order), message=message, notes=notes
-        ),
+        result=replace(result, grasps=tuple(grasps[i] for i in order), notes=notes),
         clearances=tuple(answer.clearances[i] for i in order),
+    )
+
+
+def _message(answer: PlacedAnswer, n: int) -> str:
+    tried = len(answer.result.grasps)
+    blocked = f" Blocked here: {causes_text(answer.blocked)}." if answer.blocked else ""
+    return (
+        f"{min(n, tried)} grasps of '{answer.result.mesh_id}' out of {tried}, ranked by the "
+        f"probability to hold under the pose's covariance.{blocked}"
     )

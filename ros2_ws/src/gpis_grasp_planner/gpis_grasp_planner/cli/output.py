@@ -136,6 +136,10 @@ def trial_cells(grasp: Grasp) -> tuple[str, str]:
     return f"{trials.n_passed} of {len(trials.outcomes)}", f"{1e3 * trials.largest_slip_m:.1f}"
 
 
+def _probability(grasp: Grasp) -> str:
+    return "" if grasp.hold_probability is None else f"{grasp.hold_probability:.2f}"
+
+
 def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
     """One row per grasp: quality, contacts and where the palm is."""
     import numpy as np
@@ -147,6 +151,9 @@ def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
     verified = any(grasp.trials is not None for grasp in grasps)
     if verified:
         headings += ["holds", "slip \\[mm]"]
+    uncertain = any(grasp.hold_probability is not None for grasp in grasps)
+    if uncertain:
+        headings.append("P(hold)")
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("links in contact", overflow="fold")
@@ -161,6 +168,7 @@ def grasp_table(result: PlanResult, grasps: tuple[Grasp, ...]) -> Table:
             "".join(f"{1e3 * x:8.1f}" for x in grasp.T_object_palm[:3, 3]),
             "".join(f"{x:6.2f}" for x in grasp.approach_direction),
             *(trial_cells(grasp) if verified else ()),
+            *([_probability(grasp)] if uncertain else ()),
             short.replace("finger_", "f"),
         )
     return table

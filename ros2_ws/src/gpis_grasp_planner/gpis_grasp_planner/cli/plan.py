@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import options
+from gpis_grasp_planner.cli import options, place_options
 from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
 from gpis_grasp_planner.planning.trials import VERIFICATIONS
 
@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", choices=("m", "mm"), help="unit of a mesh file")
     options.add_catalogue(parser)
     options.add_settings(parser)
+    place_options.add_place(parser)
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="write the document; '-' for stdout, alone"
     )
@@ -74,12 +75,15 @@ def run(arguments: argparse.Namespace) -> int:
         max_evaluations=arguments.evaluations,
         verification=arguments.verify,
     )
+    place = place_options.place_of(arguments, part, catalogue)
     from gpis_grasp_planner.cli.preparation import ready_to_plan
+    from gpis_grasp_planner.placing import plan_at
     from gpis_grasp_planner.planner import GraspPlanner
 
     ready_to_plan(request.planner)
     with output.plan_progress() as show:
-        result = GraspPlanner(settings).plan(part, request, on_progress=show)
+        _, answer = plan_at(GraspPlanner(settings), part, request, place, on_progress=show)
+    result = answer.result
     to_stdout = arguments.json is not None and str(arguments.json) == "-"
     if arguments.json is not None:
         text = document_text(result, source)
@@ -94,6 +98,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
             f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm"
         )
+        if place:
+            screen.print(result.message)
     for text in result.notes:
         output.note(f"note: {text}")
     if arguments.picture is not None:

@@ -118,6 +118,7 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
             for t, n, epsilon in result.convergence
         ],
         "notes": list(result.notes),
+        "place": result.place,
         "grasps": [_grasp(g, result.joint_names, result.link_names) for g in result.grasps],
         "best_attempt": None
         if best is None
@@ -200,6 +201,8 @@ def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) 
         ],
         "epsilon": float(grasp.epsilon),
         "volume": float(grasp.volume),
+        "hold_probability": grasp.hold_probability,
+        "lift_direction": None if grasp.lift_direction is None else _numbers(grasp.lift_direction),
         "trials": None
         if grasp.trials is None
         else [asdict(outcome) for outcome in grasp.trials.outcomes],

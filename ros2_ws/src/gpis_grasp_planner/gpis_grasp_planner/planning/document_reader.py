@@ -19,6 +19,7 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.json_node import Node
+from gpis_grasp_planner.planning.place import STAND_IN, Place
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult
 from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
@@ -32,7 +33,7 @@ _FIELDS = frozenset(
         "mesh_source", "mesh_hash", "length_unit", "center_of_mass", "torque_scale", "mass",
         "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
-        "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "grasps",
+        "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
         "best_attempt",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
@@ -40,6 +41,7 @@ _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
         "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
+        "hold_probability", "lift_direction",
     )
 )  # fmt: skip
 
@@ -139,6 +141,7 @@ def result_from_dict(
         evaluations=root["n_evaluations"].integer(),
         notes=root["notes"].texts(),
         convergence=tuple(_improvement(node) for node in root["convergence"].list()),
+        place=root["place"].optional(_place),
     )
     return result, root["mesh_source"].optional(_mesh_source)
 
@@ -187,6 +190,16 @@ def _mesh_source(node: Node) -> MeshSource:
     return MeshSource(source["file"].text(), unit)
 
 
+def _place(node: Node) -> dict[str, Any]:
+    try:
+        Place.from_mapping(node.value, lambda _source: STAND_IN)
+    except GraspPlannerError as error:
+        raise RequestError(
+            f"{node.document}: '{node.path}': {error}", ErrorCode.INVALID_DOCUMENT
+        ) from None
+    return dict(node.value)
+
+
 def _settings(node: Node) -> dict[str, dict[str, Any]]:
     groups = node.value
     if not isinstance(groups, Mapping) or not all(isinstance(g, Mapping) for g in groups.values()):
@@ -221,6 +234,8 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         approach_direction=grasp["approach_direction"].unit_vector(3),
         approach_distance=grasp["approach_distance"].number(low=0.0),
         trials=grasp["trials"].optional(_trials),
+        hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
+        lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
     )
 
 

@@ -17,6 +17,9 @@ from gpis_grasp_planner.planning.obstacles import Surroundings, check_keys, read
 
 Array = NDArray[np.float64]
 
+# For those who check a place and need not know the geometry of its meshes.
+STAND_IN = TriangleMesh(1e-3 * np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
+
 
 @dataclass(frozen=True, eq=False)
 class Place:

@@ -140,6 +140,9 @@ class PlanResult:
         Where there is no grasp: the nearest thing to one. Infeasible.
     convergence : tuple of (elapsed s, evaluations, best epsilon)
         One entry per improvement of the best epsilon.
+    place : mapping or None
+        The place that the answer is for, in the form of `planning.place.Place`; None for a plan in
+        free space.
     reserve : Reserve
         Further grasps, for surroundings in which those of the answer are blocked.
     """
@@ -165,6 +168,7 @@ class PlanResult:
     evaluations: int
     notes: tuple[str, ...] = ()
     convergence: tuple[tuple[float, int, float], ...] = field(default=())
+    place: Mapping[str, Any] | None = None
     reserve: Reserve = field(default_factory=Reserve)
 
     @property

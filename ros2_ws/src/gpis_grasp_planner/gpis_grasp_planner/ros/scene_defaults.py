@@ -10,11 +10,7 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
-from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.planning.obstacles import read_pose
-
-# The node checks everything but a mesh's geometry, which only the planning process reads.
-STAND_IN = TriangleMesh(1e-3 * np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
 
 
 @lru_cache(maxsize=8)

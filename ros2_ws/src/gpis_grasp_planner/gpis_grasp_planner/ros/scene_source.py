@@ -13,9 +13,9 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.planning.covariance import covariance_in_object
 from gpis_grasp_planner.planning.obstacles import Surroundings, read_pose
-from gpis_grasp_planner.planning.place import Place
+from gpis_grasp_planner.planning.place import STAND_IN, Place
 from gpis_grasp_planner.ros.request_guard import ObjectPose
-from gpis_grasp_planner.ros.scene_defaults import STAND_IN, obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
 
@@ -108,6 +108,7 @@ class SceneSource:
         return entry
 
     def _stand_in(self, mesh_id: str) -> TriangleMesh:
+        """Check the ID alone: only the planning process reads the geometry."""
         try:
             self._check_mesh_id(mesh_id)
         except GraspPlannerError as error:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.planning.obstacles import Surroundings
+from gpis_grasp_planner.planning.place import STAND_IN
 from gpis_grasp_planner.planning.request import (
     FRICTION_RANGE,
     GRASP_COUNT_RANGE,
@@ -18,7 +19,7 @@ from gpis_grasp_planner.planning.request import (
     check_friction,
 )
 from gpis_grasp_planner.planning.trials import VERIFICATIONS
-from gpis_grasp_planner.ros.scene_defaults import STAND_IN, obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 # Those of planning.planners.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
