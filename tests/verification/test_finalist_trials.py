@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
@@ -14,6 +13,7 @@ from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.trials import TrialOutcome
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification import finalist_trials
 from gpis_grasp_planner.verification.cases import finalist_cases
@@ -70,38 +70,54 @@ def test_nothing_is_tried_after_the_deadline(
     assert trials.run([], cases, deadline=None) == []
 
 
+class Child:
+    """A child that answers at once; jobs that are to fail are given."""
+
+    def __init__(self, failing: set[tuple[int, int]]) -> None:
+        self.connection = self
+        self.jobs: list[tuple[int, int]] = []
+        self._failing = failing
+
+    def send(self, job: tuple[int, int]) -> None:
+        self.jobs.append(job)
+
+    def recv(self) -> bool:
+        return self.jobs[-1] not in self._failing
+
+
+class Case:
+    """A case whose verdict is its outcome."""
+
+    def outcome(self, passed: bool) -> TrialOutcome:
+        return TrialOutcome("case", passed)
+
+
+def order_of_jobs(
+    monkeypatch: pytest.MonkeyPatch, n_grasps: int, n_cases: int, failing: set[tuple[int, int]]
+) -> tuple[list[tuple[int, int]], list[int]]:
+    """Pairs of grasp and case in the order in which one child gets them; outcomes per grasp."""
+    monkeypatch.setattr(finalist_trials, "wait", lambda ready, _: ready)
+    outcomes: list[list[TrialOutcome]] = [[] for _ in range(n_grasps)]
+    child = Child(failing)
+    finalist_trials._share_out([child], n_grasps, [Case()] * n_cases, outcomes, lambda: False)
+    return child.jobs, [len(of_grasp) for of_grasp in outcomes]
+
+
 def test_the_deciding_case_of_the_best_comes_first_and_low_ranks_do_not_starve(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    order: list[tuple[int, int]] = []
-
-    class Child:
-        """Answers at once: grasp 1 fails its first case."""
-
-        def __init__(self) -> None:
-            self.connection = self
-            self._job = (0, 0)
-
-        def send(self, job: tuple[int, int]) -> None:
-            order.append(job)
-            self._job = job
-
-        def recv(self) -> bool:
-            return self._job != (1, 0)
-
-    class Case:
-        def outcome(self, passed: bool) -> finalist_trials.TrialOutcome:
-            return finalist_trials.TrialOutcome("case", passed)
-
-    monkeypatch.setattr(finalist_trials, "wait", lambda ready, _: ready)
-    outcomes: list[list[finalist_trials.TrialOutcome]] = [[] for _ in range(7)]
-    finalist_trials._share_out([Child()], 7, [Case(), Case()], outcomes, lambda: False)
-    first = [grasp for grasp, case in order if case == 0]
-    assert first == list(range(7))
-    assert (1, 1) not in order
-    # grasp 0's second case waits for the first of grasps 1 to 4
+    order, made = order_of_jobs(monkeypatch, 7, 2, failing={(1, 0)})
+    assert [grasp for grasp, case in order if case == 0] == list(range(7))
+    # grasp 0's second case waits for the first of grasps 1 to 3
     assert order.index((0, 1)) == 4
-    assert np.array_equal([len(o) for o in outcomes], [2, 1, 2, 2, 2, 2, 2])
+    # what does not hold is not tried further
+    assert made == [2, 1, 2, 2, 2, 2, 2]
+
+
+def test_a_grasp_that_failed_a_further_case_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    order, made = order_of_jobs(monkeypatch, 4, 4, failing={(0, 1)})
+    assert order.index((0, 2)) > order.index((3, 2))
+    assert made == [4, 4, 4, 4]
 
 
 def test_the_cover_is_made_once(

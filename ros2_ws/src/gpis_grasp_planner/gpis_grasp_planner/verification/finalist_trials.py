@@ -32,8 +32,10 @@ from gpis_grasp_planner.verification.protocol import (
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.workers import ForkedChild, answer_requests, usable_cores
 
-# A grasp's next case comes as late as the first case of the grasp so many places below it.
+# A grasp's next case comes as late as the first case of the grasp so many places below it; each
+# case that it failed puts it further back.
 _PLACES_PER_CASE = 4
+_PLACES_PER_FAILURE = 8
 _POLL_S = 0.05
 
 
@@ -153,7 +155,9 @@ def _share_out(
             outcomes[grasp].append(cases[case].outcome(verdict))
             idle.append(child)
             if outcomes[grasp][0].passed and case + 1 < len(cases):
-                heapq.heappush(waiting, (grasp + _PLACES_PER_CASE * (case + 1), grasp, case + 1))
+                failures = sum(not outcome.passed for outcome in outcomes[grasp])
+                weight = grasp + _PLACES_PER_CASE * (case + 1) + _PLACES_PER_FAILURE * failures
+                heapq.heappush(waiting, (weight, grasp, case + 1))
 
 
 def _serve(
