@@ -31,10 +31,6 @@ from gpis_grasp_planner.verification.protocol import verify
 
 Array = NDArray[np.float64]
 
-# The palm of the trials stops before the part and comes back by so much at most.
-_GUARDED_M = 0.02
-# As far as the trials' fingers drew displaced parts against the palm.
-_DRAWN_M = 0.01
 _SELECTING_SEED_OFFSET = 1
 _TRIALS_S = 900.0
 
@@ -42,18 +38,11 @@ _TRIALS_S = 900.0
 MODELS: Mapping[str, Mapping[str, object]] = {
     "as set": {},
     "a miss where the palm meets the part": {"give_way_m": 0.0, "draw_in_m": 0.0},
-    "guarded approach": {"give_way_m": _GUARDED_M, "draw_in_m": 0.0},
-    "drawn in": {"give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "min_epsilon": 0.01},
-    "drawn in, epsilon > 0.05": {
-        "give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "min_epsilon": 0.05,
-    },
-    "drawn in, epsilon > 0.1": {
-        "give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "min_epsilon": 0.1,
-    },
-    "drawn in, sigma points": {
-        "give_way_m": _GUARDED_M, "draw_in_m": _DRAWN_M, "method": "unscented",
-    },
-}  # fmt: skip
+    "guarded approach, not drawn in": {"draw_in_m": 0.0},
+    "epsilon > 0.05": {"min_epsilon": 0.05},
+    "epsilon > 0.1": {"min_epsilon": 0.1},
+    "sigma points": {"method": "unscented"},
+}
 
 
 @dataclass(frozen=True)

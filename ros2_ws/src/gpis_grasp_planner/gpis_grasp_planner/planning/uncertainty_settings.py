@@ -37,13 +37,13 @@ class UncertaintySettings(SettingsGroup):
         0.01, low=0.0, high=1.0, description="Epsilon above which a disturbed grasp counts as held."
     )
     give_way_m: float = setting(
-        0.0,
+        0.02,
         low=0.0,
         high=0.05,
         description="How far the part gives way to an open hand that arrives in it; 0: a miss.",
     )
     draw_in_m: float = setting(
-        0.0,
+        0.01,
         low=0.0,
         high=0.05,
         description="How far closing fingers draw the part towards the palm; 0: it stays.",
