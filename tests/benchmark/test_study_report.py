@@ -38,7 +38,10 @@ def trial(test: str, cause: str = "", rank: int = 0, planner: str = "dual") -> d
         "test": test, "planner": planner, "rank": rank, "held": not cause, "cause": cause,
         "friction": 0.6, "mass_kg": 0.1, "elapsed_s": 0.5, "slip_mm": 1.0, "turn_deg": 2.0,
     }  # fmt: skip
-    return row if test == LIFT else row | {"penetration_mm": 0.4}
+    return row if test == LIFT else row | {
+        "penetration_mm": 0.4, "closing_slip_mm": 3.0, "closing_turn_deg": 4.0,
+        "touching": ["bh_palm_link", "bh_finger_1_distal_link"],
+    }  # fmt: skip
 
 
 @pytest.fixture
@@ -107,6 +110,10 @@ def test_the_report_counts_every_object(records: list[dict[str, Any]]) -> None:
     assert "**Not finished, and in none of the shares**: late." in text
     assert "had tried 2 itself; the verdicts agree on 1/2" in text
     assert "0.40 mm" in text
+    assert (
+        "| second | slipped | 0.100 | palm, finger 1 distal | 3.0 mm, 4 deg | 1.0 mm, 2 deg | holds "
+        "| 1 of 2 |  |" in text
+    )
 
 
 def test_the_tables_hold_every_object_and_trial(

@@ -18,7 +18,7 @@ class UncertaintySettings(SettingsGroup):
         "none: covariances are not looked at.",
     )
     samples: int = setting(
-        64, low=2, high=10_000, description="Random perturbations per grasp, about 1 ms each."
+        64, low=2, high=10_000, description="Random perturbations per grasp, about 2 ms each."
     )
     sigma_kappa: float = setting(
         1.0,
