@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,13 @@ def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
     assert quat[3] >= 0.0
     z = rotate(expected, np.array([0.0, 0.0, 1.0]))
     assert np.allclose(xyz(message.approach_direction.vector), z, atol=1e-12)
+    assert np.allclose(xyz(message.lift_direction.vector), -z, atol=1e-12)
+    assert message.hold_probability == -1.0
+    lifted = replace(grasp, lift_direction=np.array([0.6, 0.0, 0.8]), hold_probability=0.75)
+    placed = grasp_message(lifted, plan, pose, HAND)
+    up = rotate(q_object, np.array([0.6, 0.0, 0.8]))
+    assert np.allclose(xyz(placed.lift_direction.vector), up, atol=1e-12)
+    assert placed.hold_probability == 0.75
     back = xyz(message.pre_grasp_palm_pose.pose.position)
     assert np.allclose(back, xyz(out.position) - 0.1 * z, atol=1e-12)
     assert message.pre_grasp_palm_pose.pose.orientation == out.orientation
@@ -90,6 +99,7 @@ def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
         message.grasp.header,
         message.pre_grasp.header,
         message.approach_direction.header,
+        message.lift_direction.header,
     ]
     for header in headers:
         assert (header.frame_id, header.stamp.sec, header.stamp.nanosec) == ("camera", 12, 34)

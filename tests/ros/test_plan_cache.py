@@ -41,6 +41,12 @@ def test_whatever_decides_a_plan_is_in_the_key(other: PlanOrder) -> None:
     assert plan_key(other, "f") != plan_key(ORDER, "f")
 
 
+@pytest.mark.parametrize("group", ["clearance", "uncertainty"])
+def test_what_is_done_with_a_plan_afterwards_is_not(group: str) -> None:
+    other = replace(ORDER, settings={**ORDER.settings, group: {"value": 1}})
+    assert plan_key(other, "f") == plan_key(ORDER, "f")
+
+
 def test_the_file_is_in_the_key() -> None:
     assert plan_key(ORDER, "f") != plan_key(ORDER, "g")
 

@@ -27,6 +27,13 @@ def test_read_only_parameters_exist() -> None:
         ({"friction_finger": 0.001, "friction_palm": 0.5}, "0.01"),
         ({"mesh_directories": ("",)}, "mesh_directories"),
         ({"default_planner": "fastest"}, "hpp"),
+        ({"support_pose": "0 0 0.75"}, "seven numbers"),
+        ({"support_pose": "0 0 high 0 0 0 1"}, "seven numbers"),
+        ({"support_pose": "0 0 0 0 0 0 2"}, "support_pose has norm 2"),
+        ({"obstacles": "{name: wall}", "obstacles_frame": "world"}, "takes a list"),
+        ({"obstacles": "[", "obstacles_frame": "world"}, "obstacles' is neither YAML"),
+        ({"obstacles": "[{name: wall}]", "obstacles_frame": "world"}, "'wall' must have"),
+        ({"obstacles": "[{size: [1, 1, 1]}]"}, "obstacles_frame"),
     ],
 )
 def test_contradictions_are_refused(values: dict[str, object], word: str) -> None:

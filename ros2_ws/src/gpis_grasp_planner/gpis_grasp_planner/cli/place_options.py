@@ -82,16 +82,14 @@ def place_of(arguments: argparse.Namespace, part: Part, catalogue: MeshCatalogue
 
 
 def _scene_of_file(file: Path | None) -> dict[str, Any]:
-    import yaml
+    from gpis_grasp_planner.planning.scene_text import parse_scene
 
     if file is None:
         return {}
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" (line {mark.line + 1})" if mark is not None else ""
-        raise _wrong(f"{file} is neither YAML nor JSON{where}. Correct it.") from None
+        content = parse_scene(file.read_text(encoding="utf-8"), str(file))
+    except UnicodeDecodeError:
+        raise _wrong(f"{file} is no text in UTF-8. Name a YAML or JSON file.") from None
     if not isinstance(content, Mapping):
         raise _wrong(f"{file} must hold 'support', 'obstacles' or 'object'. See docs/clearance.md.")
     return dict(content)

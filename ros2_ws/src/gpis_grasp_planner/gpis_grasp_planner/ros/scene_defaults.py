@@ -6,11 +6,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.planning.obstacles import read_pose
+from gpis_grasp_planner.planning.scene_text import parse_scene
 
 
 @lru_cache(maxsize=8)
@@ -45,10 +45,7 @@ def obstacles_of(text: str) -> list[dict[str, Any]]:
     RequestError
         INVALID_SCENE, where it is no list; what is in the list is not looked at.
     """
-    try:
-        listed = yaml.safe_load(text) or []
-    except yaml.YAMLError:
-        listed = None
+    listed = parse_scene(text, "The setting 'obstacles'") or []
     if not isinstance(listed, list):
         raise RequestError(
             f"Setting 'obstacles' is {text!r:.80}; it takes a list as YAML or JSON, such as "

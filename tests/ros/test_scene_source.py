@@ -1,0 +1,106 @@
+"""Scenes from requests and parameters, without a node."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, Vector3
+
+from gpis_grasp_msgs.msg import Obstacle
+from gpis_grasp_msgs.srv import PlanGrasp
+from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.ros.request_guard import ObjectPose
+from gpis_grasp_planner.ros.scene_source import SceneSource
+from gpis_grasp_planner.ros.settings import NodeSettings
+
+HALF = math.sqrt(0.5)
+POSE = ObjectPose(
+    from_position_quat_xyzw([0.5, 0.0, 0.8], [0.0, 0.0, HALF, HALF]), "cell", 1, None, ()
+)
+WALL = "[{name: wall, position: [0.4, 0, 0.9], size: [0.02, 1, 0.3]}]"
+
+
+def no_mesh(mesh_id: str) -> None:
+    raise RequestError(f"'{mesh_id}' is unknown", ErrorCode.UNKNOWN_MESH)
+
+
+def source(check: Callable[[str], None] = no_mesh, **settings: Any) -> SceneSource:
+    return SceneSource(lambda: NodeSettings(**settings), check)
+
+
+def plane(frame: str, z: float) -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = frame
+    message.pose.position.z = z
+    return message
+
+
+def test_nothing_by_default() -> None:
+    assert not source().place(PlanGrasp.Request(), POSE)
+
+
+def test_the_default_support_stands_where_no_request_gives_one() -> None:
+    scenes = source(support_frame="cell", support_pose=f"0 0 0.75 0 {HALF} 0 {HALF}")
+    support = scenes.place(PlanGrasp.Request(), POSE).surroundings.support
+    assert support is not None
+    assert support.point == pytest.approx([0, 0, 0.75])
+    assert support.normal == pytest.approx([1, 0, 0])  # z of a plane turned about y by 90 degrees
+    given = scenes.place(PlanGrasp.Request(support_plane=plane("cell", 0.3)), POSE)
+    assert given.surroundings.support is not None
+    assert given.surroundings.support.point == pytest.approx([0, 0, 0.3])
+    assert given.surroundings.support.normal == pytest.approx([0, 0, 1])
+
+
+def test_obstacles_of_the_request_come_beside_the_default_ones() -> None:
+    box = Obstacle(pose=plane("cell", 1.0), size=Vector3(x=0.1, y=0.2, z=0.3))
+    scenes = source(obstacles=WALL, obstacles_frame="cell")
+    place = scenes.place(PlanGrasp.Request(obstacles=[box]), POSE)
+    assert [o.name for o in place.surroundings.obstacles] == ["wall", "obstacle 0"]
+    seen = place.around().obstacles[1]  # the part is turned by 90 degrees about z
+    assert seen.pose[:3, 3] == pytest.approx([0.0, 0.5, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("settings", "parameter"),
+    [
+        ({"support_frame": "world"}, "support_frame"),
+        ({"obstacles": WALL, "obstacles_frame": "world"}, "obstacles_frame"),
+    ],
+)
+def test_defaults_in_another_frame_are_told_and_not_left_out(
+    settings: dict[str, Any], parameter: str
+) -> None:
+    with pytest.raises(RequestError, match=f"{parameter} is 'world'.*'cell'") as caught:
+        source(**settings).place(PlanGrasp.Request(), POSE)
+    assert caught.value.code == ErrorCode.INVALID_SCENE
+
+
+def test_a_mesh_that_is_not_in_the_catalogue_is_a_bad_scene() -> None:
+    ball = Obstacle(pose=plane("cell", 1.0), mesh_id="ball")
+    with pytest.raises(RequestError, match="'ball' is unknown") as caught:
+        source().place(PlanGrasp.Request(obstacles=[ball]), POSE)
+    assert caught.value.code == ErrorCode.INVALID_SCENE
+    place = source(lambda _: None).place(PlanGrasp.Request(obstacles=[ball]), POSE)
+    assert place.as_mapping()["obstacles"][0]["mesh"] == "ball"
+
+
+def test_a_name_cannot_forge_a_line_of_the_log() -> None:
+    box = Obstacle(name="a\nb", pose=plane("table", 1.0), size=Vector3(x=1.0, y=1.0, z=1.0))
+    with pytest.raises(RequestError, match=r"'a\\nb'"):
+        source().place(PlanGrasp.Request(obstacles=[box]), POSE)
+
+
+def test_the_covariance_is_turned_to_the_parts_axes_or_left_alone() -> None:
+    C = np.diag([1.0, 4.0, 9.0, 0.1, 0.2, 0.3])
+    pose = ObjectPose(POSE.T_world_object, "cell", 1, C, ())
+    place = source().place(PlanGrasp.Request(), pose)
+    # x of the part is y of the cell
+    assert place.covariance is not None
+    assert np.diag(place.covariance) == pytest.approx([4.0, 1.0, 9.0, 0.2, 0.1, 0.3])
+    off = SceneSource(NodeSettings, no_mesh, lambda: False)
+    assert not off.place(PlanGrasp.Request(), pose)
