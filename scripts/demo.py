@@ -44,6 +44,7 @@ FRAME = "robot_base"
 # The mug stands on a table in front of the robot, turned by 30 degrees.
 POSITION = (0.6, 0.1, 0.8)
 QUAT_XYZW = (0.0, 0.0, 0.258819, 0.965926)
+TABLE_M = 0.763  # the mug's origin is 37 mm above its bottom
 TIME_BUDGET_S = 5.0
 READY_S = 60.0
 ESTIMATE_S = 60.0
@@ -140,6 +141,8 @@ class Controller(Node):
 
     def _call(self) -> tuple[PlanGrasp.Response, float]:
         request = PlanGrasp.Request(mesh_id=MESH_ID, time_budget=TIME_BUDGET_S)
+        request.support_plane.header.frame_id = FRAME
+        request.support_plane.pose.position.z = TABLE_M
         for _ in range(ATTEMPTS):
             if not self._service.wait_for_service(timeout_sec=READY_S):
                 continue
