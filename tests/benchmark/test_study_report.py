@@ -111,8 +111,8 @@ def test_the_report_counts_every_object(records: list[dict[str, Any]]) -> None:
     assert "had tried 2 itself; the verdicts agree on 1/2" in text
     assert "0.40 mm" in text
     assert (
-        "| second | slipped | 0.100 | palm, finger 1 distal | 3.0 mm, 4 deg | 1.0 mm, 2 deg | holds "
-        "| 1 of 2 |  |" in text
+        "| second | slipped | 0.100 | palm, finger 1 distal | 3.0 mm, 4 deg | 1.0 mm, 2 deg "
+        "| holds | 1 of 2 |  |" in text
     )
 
 
