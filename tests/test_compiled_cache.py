@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import gpis_grasp_planner
 from gpis_grasp_planner.compiled_cache import sources_hash
 
@@ -28,13 +30,14 @@ def folder_of(root: Path) -> str:
     return done.stdout.strip()
 
 
-def test_an_edit_of_any_compiled_module_gives_another_folder(tmp_path: Path) -> None:
+@pytest.mark.parametrize("module", ["geometry/gjk.py", "surface/kernels.py"])
+def test_an_edit_of_any_compiled_module_gives_another_folder(tmp_path: Path, module: str) -> None:
     copy = tmp_path / "gpis_grasp_planner"
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", "*.stl"))
     before = folder_of(tmp_path)
     assert Path(before).name == f"numba-{sources_hash()}"
     assert folder_of(tmp_path) == before
-    with (copy / "geometry" / "gjk.py").open("a") as file:
+    with (copy / module).open("a") as file:
         file.write("\n# edited\n")
     assert folder_of(tmp_path) != before
 

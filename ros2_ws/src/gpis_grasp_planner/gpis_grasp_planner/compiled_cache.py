@@ -27,7 +27,7 @@ def sources_hash() -> str:
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         source = path.read_bytes()
-        if b"from numba import" in source:
+        if b"from numba import" in source or b"import numba" in source:
             digest.update(path.name.encode())
             digest.update(source)
     return digest.hexdigest()[:16]

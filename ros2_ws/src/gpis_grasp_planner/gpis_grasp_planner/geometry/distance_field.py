@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 
 Array = NDArray[np.float64]
 
@@ -76,54 +77,11 @@ class DistanceField:
 
 
 @njit(cache=True, nogil=True)
-def squared_distance_to_triangle(p, a, b, c):  # type: ignore[no-untyped-def]
-    """Squared distance of a point from a triangle (by the Voronoi regions of its features)."""
-    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    apx, apy, apz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    d1 = abx * apx + aby * apy + abz * apz
-    d2 = acx * apx + acy * apy + acz * apz
-    if d1 <= 0.0 and d2 <= 0.0:
-        v, w = 0.0, 0.0
-    else:
-        bpx, bpy, bpz = p[0] - b[0], p[1] - b[1], p[2] - b[2]
-        d3 = abx * bpx + aby * bpy + abz * bpz
-        d4 = acx * bpx + acy * bpy + acz * bpz
-        cpx, cpy, cpz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-        d5 = abx * cpx + aby * cpy + abz * cpz
-        d6 = acx * cpx + acy * cpy + acz * cpz
-        va = d3 * d6 - d5 * d4
-        vb = d5 * d2 - d1 * d6
-        vc = d1 * d4 - d3 * d2
-        if d3 >= 0.0 and d4 <= d3:
-            v, w = 1.0, 0.0
-        elif d6 >= 0.0 and d5 <= d6:
-            v, w = 0.0, 1.0
-        elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            v, w = d1 / (d1 - d3), 0.0
-        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            v, w = 0.0, d2 / (d2 - d6)
-        elif va <= 0.0 and (d4 - d3) >= 0.0 and (d5 - d6) >= 0.0:
-            w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-            v = 1.0 - w
-        else:
-            total = va + vb + vc
-            if total == 0.0:
-                v, w = 0.0, 0.0
-            else:
-                v, w = vb / total, vc / total
-    x = apx - v * abx - w * acx
-    y = apy - v * aby - w * acy
-    z = apz - v * abz - w * acz
-    return x * x + y * y + z * z
-
-
-@njit(cache=True, nogil=True)
 def _splat(triangles, origin, spacing, band, squared, nearest):  # type: ignore[no-untyped-def]
     shape = squared.shape
     lower = np.empty(3, dtype=np.int64)
     upper = np.empty(3, dtype=np.int64)
-    p = np.empty(3)
+    p, q = np.empty(3), np.empty(3)
     for f in range(triangles.shape[0]):
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
         for d in range(3):
@@ -137,7 +95,7 @@ def _splat(triangles, origin, spacing, band, squared, nearest):  # type: ignore[
                 p[1] = origin[1] + j * spacing
                 for k in range(lower[2], upper[2] + 1):
                     p[2] = origin[2] + k * spacing
-                    d2 = squared_distance_to_triangle(p, a, b, c)
+                    d2, _ = nearest_on_triangle(p[0], p[1], p[2], a, b, c, q)
                     if d2 <= band * band and d2 < squared[i, j, k]:
                         squared[i, j, k] = d2
                         nearest[i, j, k] = f
@@ -145,7 +103,7 @@ def _splat(triangles, origin, spacing, band, squared, nearest):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def _fill_far(triangles, origin, spacing, nearest, candidate, squared):  # type: ignore[no-untyped-def]
-    p = np.empty(3)
+    p, q = np.empty(3), np.empty(3)
     for i in range(squared.shape[0]):
         p[0] = origin[0] + i * spacing
         for j in range(squared.shape[1]):
@@ -154,7 +112,7 @@ def _fill_far(triangles, origin, spacing, nearest, candidate, squared):  # type:
                 if nearest[i, j, k] < 0:
                     p[2] = origin[2] + k * spacing
                     t = triangles[candidate[i, j, k]]
-                    squared[i, j, k] = squared_distance_to_triangle(p, t[0], t[1], t[2])
+                    squared[i, j, k], _ = nearest_on_triangle(p[0], p[1], p[2], t[0], t[1], t[2], q)
 
 
 def _inside_along(

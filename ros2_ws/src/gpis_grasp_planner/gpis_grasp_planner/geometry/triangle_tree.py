@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 
 Array = NDArray[np.float64]
 
@@ -92,48 +93,6 @@ class TriangleTree:
 
 
 @njit(cache=True, nogil=True)
-def nearest_on_triangle(px, py, pz, t, out):  # type: ignore[no-untyped-def]
-    """Nearest point of triangle `t` into `out`; True where it lies strictly inside the face."""
-    abx, aby, abz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
-    acx, acy, acz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
-    apx, apy, apz = px - t[0, 0], py - t[0, 1], pz - t[0, 2]
-    d1 = abx * apx + aby * apy + abz * apz
-    d2 = acx * apx + acy * apy + acz * apz
-    inside = False
-    if d1 <= 0.0 and d2 <= 0.0:
-        v, w = 0.0, 0.0
-    else:
-        bpx, bpy, bpz = px - t[1, 0], py - t[1, 1], pz - t[1, 2]
-        d3 = abx * bpx + aby * bpy + abz * bpz
-        d4 = acx * bpx + acy * bpy + acz * bpz
-        cpx, cpy, cpz = px - t[2, 0], py - t[2, 1], pz - t[2, 2]
-        d5 = abx * cpx + aby * cpy + abz * cpz
-        d6 = acx * cpx + acy * cpy + acz * cpz
-        va = d3 * d6 - d5 * d4
-        vb = d5 * d2 - d1 * d6
-        vc = d1 * d4 - d3 * d2
-        if d3 >= 0.0 and d4 <= d3:
-            v, w = 1.0, 0.0
-        elif d6 >= 0.0 and d5 <= d6:
-            v, w = 0.0, 1.0
-        elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            v, w = d1 / (d1 - d3), 0.0
-        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            v, w = 0.0, d2 / (d2 - d6)
-        elif va <= 0.0 and (d4 - d3) >= 0.0 and (d5 - d6) >= 0.0:
-            w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-            v = 1.0 - w
-        else:
-            total = va + vb + vc
-            v, w = vb / total, vc / total
-            inside = True
-    out[0] = t[0, 0] + v * abx + w * acx
-    out[1] = t[0, 1] + v * aby + w * acy
-    out[2] = t[0, 2] + v * abz + w * acz
-    return inside
-
-
-@njit(cache=True, nogil=True)
 def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
     x = max(low[0] - px, max(0.0, px - high[0]))
     y = max(low[1] - py, max(0.0, py - high[1]))
@@ -162,9 +121,8 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
         if child[node, 0] < 0:
             first = -1 - child[node, 0]
             for f in range(first, first + child[node, 1]):
-                inside = nearest_on_triangle(px, py, pz, triangles[f], q)
-                x, y, z = px - q[0], py - q[1], pz - q[2]
-                d2 = x * x + y * y + z * z
+                t = triangles[f]
+                d2, inside = nearest_on_triangle(px, py, pz, t[0], t[1], t[2], q)
                 if d2 < best:
                     best = d2
                     found = f
