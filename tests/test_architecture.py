@@ -191,7 +191,7 @@ def test_the_ros_packages_that_are_imported_are_those_of_the_package_xml() -> No
         for path in (PACKAGE / "ros").glob("*.py")
         for name in imported_names(path.read_text(), f"ros/{path.name}")
     }
-    others = {"gpis_grasp_planner", "numpy"} | sys.stdlib_module_names
+    others = {"gpis_grasp_planner", "numpy", "yaml"} | sys.stdlib_module_names
     declared = ET.parse(PACKAGE.parent / "package.xml").iter("exec_depend")
     assert imported - others == {element.text for element in declared}
 
