@@ -54,6 +54,7 @@ def test_a_run_gives_a_record_of_what_the_planner_answered(make_run) -> None:
         object_hash=object_hash(part),
         planner="random-adaption",
         max_evaluations=128,
+        time_budget_s=120.0,
         n_grasps=5,
         settings=PlannerSettings().as_dict(),
     )

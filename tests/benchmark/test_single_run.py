@@ -26,6 +26,7 @@ def test_a_run_in_its_own_process_is_the_run_in_this_one(make_run, part: Part) -
         object_hash=object_hash(part),
         planner="random-adaption",
         max_evaluations=96,
+        time_budget_s=120.0,
         n_grasps=4,
         settings=PlannerSettings().as_dict(),
     )

@@ -31,6 +31,7 @@ def plan(make_run: Callable[..., Run], part: Part) -> Run:
         object_hash=object_hash(part),
         planner="random-adaption",
         max_evaluations=64,
+        time_budget_s=120.0,
         n_grasps=3,
         settings=settings.as_dict(),
     )

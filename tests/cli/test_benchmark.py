@@ -18,7 +18,7 @@ from gpis_grasp_planner.cli import main as command
 PACKAGE_ROOT = Path(command.__file__).parents[2]
 QUICK = (
     "benchmark", "sphere", "--planners", "random,random-adaption", "--evaluations", "64",
-    "--grasps", "4", "--no-pictures",
+    "--time", "120", "--grasps", "4", "--no-pictures",
 )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two grasps of the shipped ball."""
     file = tmp_path_factory.mktemp("verify") / "grasps.json"
     options = ["--planner", "random-adaption", "--evaluations", "192", "--grasps", "2"]
+    options += ["--time", "120"]
     options += ["--verify", "none"]
     assert main(["plan", "sphere", *options, "--json", str(file)]) == 0
     return file
