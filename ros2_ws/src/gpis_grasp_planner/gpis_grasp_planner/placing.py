@@ -163,7 +163,8 @@ def plan_at(
     answer : PlacedAnswer
     """
     start = time.monotonic()
-    result = planner.plan(part, request, on_progress, should_stop)
+    around = place.around() if place.surroundings else None
+    result = planner.plan(part, request, on_progress, should_stop, try_first=around)
     if not place:
         answer = PlacedAnswer(result, (Clearance(np.inf),) * len(result.grasps), {}, None)
         return result, answer

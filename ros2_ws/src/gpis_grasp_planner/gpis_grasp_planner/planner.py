@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Sequence
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,10 +24,10 @@ from gpis_grasp_planner.planning.context import PlanningContext
 from gpis_grasp_planner.planning.evaluator import GraspEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.obstacles import Surroundings
 from gpis_grasp_planner.planning.planners import check_planner, make_search
-from gpis_grasp_planner.planning.ranking import GraspArchive, answer_rank
+from gpis_grasp_planner.planning.ranking import GraspArchive
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult, Progress
-from gpis_grasp_planner.planning.reserve import Reserve
 from gpis_grasp_planner.planning.settings import PlannerSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -35,6 +35,7 @@ from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 from gpis_grasp_planner.surface.implicit_surface import fit_part
 from gpis_grasp_planner.verification.cases import finalist_cases
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
+from gpis_grasp_planner.verification.selection import Selection, select
 
 _KEPT_OBJECTS = 4
 _PROGRESS_INTERVAL_S = 0.1
@@ -49,6 +50,20 @@ class PreparedObject:
     field: DistanceField
     tree: TriangleTree
     atlas: SurfaceAtlas
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What one call of :meth:`GraspPlanner.plan` works on; `start` by ``time.monotonic``."""
+
+    part: Part
+    request: PlanRequest
+    start: float
+    prepared: PreparedObject
+    on_progress: Callable[[Progress], None] | None
+    should_stop: Callable[[], bool] | None
+    try_first: Surroundings | None
+    trials: FinalistTrials | None = None
 
 
 class GraspPlanner:
@@ -94,6 +109,7 @@ class GraspPlanner:
         request: PlanRequest,
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
+        try_first: Surroundings | None = None,
     ) -> PlanResult:
         """Plan grasps of a part, in the part's own frame.
 
@@ -106,6 +122,9 @@ class GraspPlanner:
         should_stop : callable, optional
             Asked between steps (10 to 100 ms); True ends the plan with code CANCELLED and the
             grasps whose exact quality is known within 0.2 s more.
+        try_first : Surroundings, optional
+            Around the part's present place, in its frame: physics tries grasps that are clear of
+            them before all others. The plan is good for other places all the same.
 
         Returns
         -------
@@ -118,34 +137,30 @@ class GraspPlanner:
         RequestError
             For an unknown planner, or surroundings with the search in PyBullet.
         """
-        start = time.monotonic()
         check_planner(request.planner)
-        prepared = self.prepare(part)
+        task = _Task(
+            part,
+            request,
+            time.monotonic(),
+            self.prepare(part),
+            on_progress,
+            should_stop,
+            try_first,
+        )
         if request.verification == "none":
-            return self._plan_in_scene(
-                part, request, prepared, None, start, on_progress, should_stop
-            )
+            return self._plan_in_scene(task)
         # Forks, and so before the scene has clients: the cover is made while the search runs.
+        prepared = task.prepared
         trials = FinalistTrials(
             part, self.hand, self.settings.verification, prepared.field, prepared.tree
         )
         try:
-            return self._plan_in_scene(
-                part, request, prepared, trials, start, on_progress, should_stop
-            )
+            return self._plan_in_scene(replace(task, trials=trials))
         finally:
             trials.close()
 
-    def _plan_in_scene(
-        self,
-        part: Part,
-        request: PlanRequest,
-        prepared: PreparedObject,
-        trials: FinalistTrials | None,
-        start: float,
-        on_progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool] | None,
-    ) -> PlanResult:
+    def _plan_in_scene(self, task: _Task) -> PlanResult:
+        part, request, prepared = task.part, task.request, task.prepared
         friction = request.friction_for(part.friction)
         scene = self.settings.scene
         if scene.search_evaluator == "bullet":
@@ -158,9 +173,7 @@ class GraspPlanner:
                 self.hand, part, friction, scene, prepared.field, prepared.tree
             )
             with bullet:
-                return self._plan(
-                    part, request, prepared, bullet, trials, start, on_progress, should_stop
-                )
+                return self._plan(task, bullet)
         compiled = CompiledEvaluator(
             self.hand, part, friction, scene, prepared.field, prepared.tree
         )
@@ -169,21 +182,11 @@ class GraspPlanner:
             evaluator = ClearEvaluator(
                 compiled, self.hand, request.surroundings, self.settings.clearance, scene.retreat_m
             )
-        return self._plan(
-            part, request, prepared, evaluator, trials, start, on_progress, should_stop
-        )
+        return self._plan(task, evaluator)
 
-    def _plan(
-        self,
-        part: Part,
-        request: PlanRequest,
-        prepared: PreparedObject,
-        evaluator: GraspEvaluator,
-        trials: FinalistTrials | None,
-        start: float,
-        on_progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool] | None,
-    ) -> PlanResult:
+    def _plan(self, task: _Task, evaluator: GraspEvaluator) -> PlanResult:
+        part, request, prepared, start = task.part, task.request, task.prepared, task.start
+        on_progress, should_stop, trials = task.on_progress, task.should_stop, task.trials
         scene = self.settings.scene
         friction = evaluator.friction
         archive = GraspArchive(part.max_radius, self.settings.hpp.volume_weight)
@@ -241,17 +244,26 @@ class GraspPlanner:
         best_attempt = grasp_of(best, context) if best is not None and not grasps else None
         further = choose_reserve(context, grasps)
         if trials is not None and grasps and not cancelled:
-            tried = self._tried(part, request, grasps, further, trials, deadline, should_stop)
-            notes += (_trial_note(tried),)
-            held = tuple(g for g in tried if g.trials is not None and g.trials.held)
-            grasps = held if request.verification == "require" else tried
+            selection = select(
+                trials,
+                finalist_cases(part, friction, self.settings.verification, request.seed),
+                grasps,
+                further,
+                self.settings.hpp.volume_weight,
+                deadline,
+                should_stop,
+                task.try_first,
+                self.settings.clearance,
+            )
+            notes += (selection.note,)
+            grasps, further = selection.split(request.n_grasps, request.verification == "require")
             if not grasps:
-                code, message = _nothing_holds(part, tried)
-                best_attempt = tried[0]
+                code, message = _nothing_holds(part, selection)
+                best_attempt = selection.ranked[0]
         return PlanResult(
             code=code,
             message=message,
-            grasps=grasps[: request.n_grasps],
+            grasps=grasps,
             best_attempt=best_attempt,
             mesh_id=part.mesh_id,
             mesh_hash=part.mesh.content_hash,
@@ -272,33 +284,6 @@ class GraspPlanner:
             convergence=tuple(convergence),
             reserve=further,
         )
-
-    def _tried(
-        self,
-        part: Part,
-        request: PlanRequest,
-        grasps: tuple[Grasp, ...],
-        reserve: Reserve,
-        trials: FinalistTrials,
-        deadline: float | None,
-        should_stop: Callable[[], bool] | None,
-    ) -> tuple[Grasp, ...]:
-        """The grasps, and those of the reserve that held, with their trials, best first."""
-        settings = self.settings.verification
-        cases = finalist_cases(part, request.friction_for(part.friction), settings, request.seed)
-        more = reserve.estimates
-        if deadline is None:  # nothing would end it: each grasp is tried once
-            cases, more = cases[:1], ()
-        found = trials.run((*grasps, *more), cases, deadline, should_stop)
-        n = len(grasps)
-        tried = [replace(g, trials=t) for g, t in zip(grasps, found[:n], strict=True)]
-        tried += [
-            replace(reserve.exact(i), trials=t)
-            for i, t in enumerate(found[n:])
-            if t is not None and t.held
-        ]
-        weight = self.settings.hpp.volume_weight
-        return tuple(sorted(tried, key=lambda grasp: answer_rank(grasp, weight)))
 
     def _confirmed(
         self,
@@ -323,26 +308,11 @@ class GraspPlanner:
         return kept, (f"PyBullet's scene confirmed {len(kept)} of {len(grasps)} grasps.",)
 
 
-def _trial_note(tried: Sequence[Grasp]) -> str:
-    """How many of the grasps were tried in physics, and how many held."""
-    outcomes = [grasp.trials for grasp in tried if grasp.trials is not None]
-    held = sum(trials.held for trials in outcomes)
-    return (
-        f"In physics {held} of {len(outcomes)} grasps tried held; {len(tried) - len(outcomes)} "
-        "were not tried within the budget."
-    )
-
-
-def _nothing_holds(part: Part, tried: Sequence[Grasp]) -> tuple[ErrorCode, str]:
-    causes = Counter(grasp.trials.outcomes[0].cause for grasp in tried if grasp.trials is not None)
-    if not causes:
-        why = "none could be tried within the budget"
-    else:
-        why = ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
+def _nothing_holds(part: Part, selection: Selection) -> tuple[ErrorCode, str]:
     return (
         ErrorCode.NO_GRASP_HOLDS,
-        f"None of {len(tried)} grasps of '{part.mesh_id}' was seen to hold in physics ({why}). "
-        "Give more time, or ask for grasps without that requirement.",
+        f"None of {len(selection.ranked)} grasps of '{part.mesh_id}' was seen to hold in physics "
+        f"({selection.why_none}). Give more time, or ask for grasps without that requirement.",
     )
 
 
