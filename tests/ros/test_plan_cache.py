@@ -33,6 +33,7 @@ def test_equal_orders_have_equal_keys() -> None:
         replace(ORDER, request=replace(ORDER.request, time_budget_s=2.0)),
         replace(ORDER, request=replace(ORDER.request, n_grasps=21)),
         replace(ORDER, request=replace(ORDER.request, planner="hpp")),
+        replace(ORDER, request=replace(ORDER.request, verification="require")),
         replace(ORDER, request=replace(ORDER.request, friction=Friction(0.5, 0.5))),
         replace(ORDER, settings={"scene": {"cone_edges": 9}}),
     ],
@@ -45,6 +46,11 @@ def test_whatever_decides_a_plan_is_in_the_key(other: PlanOrder) -> None:
 def test_what_is_done_with_a_plan_afterwards_is_not(group: str) -> None:
     other = replace(ORDER, settings={**ORDER.settings, group: {"value": 1}})
     assert plan_key(other, "f") == plan_key(ORDER, "f")
+
+
+def test_the_order_of_trials_is_not() -> None:
+    first = replace(ORDER, try_first={"support": {"point": [0, 0, 0], "normal": [0, 0, 1]}})
+    assert plan_key(first, "f") == plan_key(ORDER, "f")
 
 
 def test_the_file_is_in_the_key() -> None:

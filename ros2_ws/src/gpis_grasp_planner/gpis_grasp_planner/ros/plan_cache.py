@@ -7,7 +7,7 @@ import json
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from gpis_grasp_planner.ros.planned import Plan, PlanOrder
@@ -17,10 +17,13 @@ AFTERWARDS = ("clearance", "uncertainty")
 
 
 def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
-    """One string for everything that decides a plan in free space; equal keys mean equal plans."""
+    """One string for everything that decides which plan in free space is asked for.
+
+    Which of its grasps physics tries first is not part of it.
+    """
     settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
     content: Mapping[str, Any] = {
-        **asdict(order),
+        **asdict(replace(order, try_first=None)),
         "settings": settings,
         "mesh": mesh_fingerprint,
     }

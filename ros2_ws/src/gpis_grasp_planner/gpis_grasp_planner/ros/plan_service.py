@@ -102,7 +102,7 @@ class PlanGraspService:
         given = self._poses.from_request(request.object_pose)
         pose = given or self._poses.newest(request.mesh_id)
         place = self._scenes.place(request, pose)  # before the plan: a bad scene is told at once
-        supplied = self._supply.plan(request.mesh_id, plan_request)
+        supplied = self._supply.plan(request.mesh_id, plan_request, place)
         if given is None and not supplied.from_cache:
             pose = self._newer(request.mesh_id, pose)
             place = self._scenes.place(request, pose)

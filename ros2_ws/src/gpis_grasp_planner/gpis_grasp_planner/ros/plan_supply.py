@@ -79,11 +79,12 @@ class PlanSupply:
         if ID_PATTERN.fullmatch(mesh_id) is None or self._fingerprint(mesh_id) is None:
             MeshCatalogue(self._directories, self._catalogue_settings()).load(mesh_id)
 
-    def plan(self, mesh_id: str, request: PlanRequest) -> SuppliedPlan:
+    def plan(self, mesh_id: str, request: PlanRequest, place: Place | None = None) -> SuppliedPlan:
         """Look a plan up or make it.
 
         A plan holds at least the node's default number of grasps, so that requests for fewer
-        share it.
+        share it. It is good for every place; where one is given, trials in physics begin with
+        what is clear there.
 
         Raises
         ------
@@ -92,7 +93,8 @@ class PlanSupply:
         """
         settings = self._settings()
         shared = replace(request, n_grasps=max(request.n_grasps, settings.default_n_grasps))
-        order = self._order(mesh_id, shared)
+        first = place.as_mapping() if place is not None and place.surroundings else None
+        order = replace(self._order(mesh_id, shared), try_first=first)
         self.cache.size = settings.plan_cache_size
         known = self.cache.get(self._key(order))
         if known is not None:
