@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from scipy.stats import qmc
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.optimise.domain import BoxDomain, latin_hypercube
+from gpis_grasp_planner.optimise.domain import BoxDomain
 
 
 @pytest.fixture
@@ -16,16 +15,6 @@ def test_samples_are_a_latin_hypercube(domain):
     cells = np.floor(64 * (X - domain.lower) / domain.width).astype(int)
     for column in cells.T:
         np.testing.assert_array_equal(np.sort(column), range(64))
-
-
-@pytest.mark.parametrize(("n", "dim"), [(1, 1), (7, 2), (50, 6), (301, 4)])
-def test_the_latin_hypercube_is_scipys_bit_by_bit(n, dim):
-    ours, scipys = np.random.default_rng(n), np.random.default_rng(n)
-    for _ in range(3):
-        expected = qmc.LatinHypercube(dim, rng=scipys).random(n)
-        np.testing.assert_array_equal(latin_hypercube(n, dim, ours), expected)
-    assert ours.spawn(1)[0].random() == scipys.spawn(1)[0].random()
-    assert ours.random() == scipys.random()
 
 
 def test_clipping_wraps_angles_and_cuts_the_rest(domain):

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.optimise.distances import Distance, EuclideanDistance
@@ -107,7 +108,8 @@ class BoxDomain:
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Latin hypercube of n points (n, dim)."""
-        return self.lower + self.width * latin_hypercube(n, self.dim, rng)
+        unit = qmc.LatinHypercube(self.dim, rng=rng).random(n)
+        return self.lower + self.width * unit
 
     def clip(self, X: Array) -> Array:
         """Wrap periodic coordinates, cut the others at the bounds."""
@@ -137,18 +139,3 @@ class BoxDomain:
         angle = 2.0 * np.pi * unit[:, self.periodic]
         unit[:, self.periodic] = np.cos(angle) / (2.0 * np.pi)
         return np.hstack([unit, np.sin(angle) / (2.0 * np.pi)])
-
-
-def latin_hypercube(n: int, dim: int, rng: np.random.Generator) -> Array:
-    """Points (n, dim) in [0, 1); each n-th of each coordinate holds one.
-
-    These are the points of ``scipy.stats.qmc.LatinHypercube(dim, rng=rng).random(n)``, bit by bit:
-    SciPy's algorithm without the import of ``scipy.stats``, which would keep 30 MB of a node's
-    memory for these lines.
-    """
-    rng = rng.spawn(1)[0]  # as SciPy does: the caller's stream stays where it is
-    offset = rng.uniform(size=(n, dim))
-    cells = np.tile(np.arange(1, n + 1), (dim, 1))
-    for row in cells:
-        rng.shuffle(row)
-    return np.asarray((cells.T - offset) / n)
