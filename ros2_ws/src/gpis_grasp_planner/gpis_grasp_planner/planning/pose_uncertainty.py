@@ -158,13 +158,15 @@ def _estimate(
     settings: UncertaintySettings,
 ) -> HoldEstimate:
     held, quality = [], []
+    # Fingertips that hold a part away from the palm do not draw it in.
+    on_palm = hand.link_names.index(hand.palm_link) in grasp.contacts.links
     for first in range(0, len(perturbations), _BATCH):
         T = perturbed_palms(grasp.T_object_palm, perturbations[first : first + _BATCH])
         joints = np.repeat(grasp.pregrasp_joints[None], len(T), axis=0)
         attempts = evaluator.attempt_from(T, joints)
         if settings.give_way_m > 0.0:
             _give_way(evaluator, attempts, T, joints, settings.give_way_m)
-        if settings.draw_in_m > 0.0:
+        if settings.draw_in_m > 0.0 and on_palm:
             _draw_in(evaluator, attempts, T, joints, settings.draw_in_m)
         ok = holds(attempts, hand, settings.min_epsilon)
         held.append(ok)

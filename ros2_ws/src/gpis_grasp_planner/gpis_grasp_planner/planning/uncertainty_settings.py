@@ -46,5 +46,6 @@ class UncertaintySettings(SettingsGroup):
         0.01,
         low=0.0,
         high=0.05,
-        description="How far closing fingers draw the part towards the palm; 0: it stays.",
+        description="How far closing fingers draw back a part that was planned to touch the palm; "
+        "0: it stays.",
     )
