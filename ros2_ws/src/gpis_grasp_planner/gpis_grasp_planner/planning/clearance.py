@@ -5,7 +5,8 @@ open hand, the approach to it, and the closing between the two (`hand_motion`), 
 a margin. The plane is exact but for the bow of the closing (0.4 mm at most, on the safe side);
 boxes and meshes are by GJK on the hulls of straight moves.
 
-A plane costs some 0.2 ms a grasp, an obstacle about 1 ms a grasp near it.
+A plane costs some 0.2 ms a grasp, an obstacle about 1 ms a grasp near it; what is farther than the
+balls about its and the hand's pieces can reach costs next to nothing.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +83,21 @@ class _Phase:
     T_0: Array
     T_1: Array
     bow: Array  # (B,)
+    middle: Array  # (K, 3), of balls about the pieces, in their links' frames
+
+    @cached_property
+    def middles_0(self) -> Array:
+        """Middles (B, K, 3) of the balls at the moves' beginning."""
+        return self._middles(self.T_0)
+
+    @cached_property
+    def middles_1(self) -> Array:
+        """Middles (B, K, 3) of the balls at the moves' end."""
+        return self._middles(self.T_1)
+
+    def _middles(self, T: Array) -> Array:
+        turned = np.einsum("bkij,kj->bki", T[..., :3, :3], self.middle)
+        return np.asarray(turned + T[..., :3, 3])
 
 
 def clear_grasps(
@@ -141,28 +158,25 @@ def _phases(pieces: HandPieces, motions: HandMotions) -> list[_Phase]:
     closed, opened = T[:, -1], T[:, 0]
     start = shifted(opened, motions.back)
 
+    def phase(cause: Cause, members: Index, T_0: Array, T_1: Array, bow: Array = zero) -> _Phase:
+        return _Phase(cause, members, T_0, T_1, bow, _balls(pieces)[0][members])
+
     def still(cause: Cause, poses: Array, members: Index) -> _Phase:
         at = poses[:, pieces.link[members]]
-        return _Phase(cause, members, at, at, zero)
+        return phase(cause, members, at, at)
 
     return [
         still(Cause.PALM, closed, palm),
         still(Cause.FINGER, closed, fingers),
         still(Cause.PREGRASP, opened, fingers),
-        _Phase(
+        phase(
             Cause.CLOSING,
             np.tile(moving, moves),
             T[:, :-1, pieces.link[moving]].reshape(len(T), -1, 4, 4),
             T[:, 1:, pieces.link[moving]].reshape(len(T), -1, 4, 4),
             motions.bow,
         ),
-        _Phase(
-            Cause.APPROACH,
-            everything,
-            start[:, pieces.link],
-            opened[:, pieces.link],
-            zero,
-        ),
+        phase(Cause.APPROACH, everything, start[:, pieces.link], opened[:, pieces.link]),
     ]
 
 
@@ -182,13 +196,14 @@ def _phase_distance(
             lowest(pieces, phase.piece, T_0, body), lowest(pieces, phase.piece, T_1, body)
         )
         return np.asarray(height - phase.bow[rows])
-    T_body_object = inverse(body.pose)
-    K = len(phase.piece)
-    first, last = (np.ascontiguousarray((T_body_object @ T).reshape(-1, 4, 4)) for T in (T_0, T_1))
-    distance = np.empty(len(rows) * K)
     # beyond twice the margin a lower bound does; the bow must not take it below the margin
     limit = 2.0 * margin + float(phase.bow.max()) + 1e-6
-    which = np.tile(phase.piece, len(rows))
+    bound = _lower_bound(pieces, phase, rows, body)
+    row, member = np.nonzero(bound <= limit)
+    T_body_object = inverse(body.pose)
+    first, last = (np.ascontiguousarray(T_body_object @ T[row, member]) for T in (T_0, T_1))
+    which = phase.piece[member]
+    distance = np.empty(len(row))
     if isinstance(body, BoxObstacle):
         sweeps_to_polytope(
             pieces.vertices, pieces.start, which, first, last, limit, body.corners, distance
@@ -199,10 +214,36 @@ def _phase_distance(
             pieces.vertices, pieces.start, which, first, last, limit,
             tree.triangles, tree.lower, tree.upper, tree.child, distance,
         )  # fmt: skip
-    nearest = distance.reshape(len(rows), K).min(axis=1)
+    bound[row, member] = distance
+    nearest = bound.min(axis=1)
     if isinstance(body, MeshObstacle):
-        nearest[_swallowed(pieces, phase, first.reshape(len(rows), K, 4, 4), body)] = 0.0
+        nearest[_swallowed(pieces, phase, T_body_object @ T_0[:, :1], body)] = 0.0
     return np.asarray(nearest - phase.bow[rows])
+
+
+def _lower_bound(pieces: HandPieces, phase: _Phase, rows: Index, body: Obstacle) -> Array:
+    """Lower bounds (len(rows), K) of distances: from the balls about the pieces and the body."""
+    points = body.corners if isinstance(body, BoxObstacle) else body.mesh.bounds
+    middle, radius = points.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    c = body.pose[:3, :3] @ middle + body.pose[:3, 3]
+    p, q = phase.middles_0[rows], phase.middles_1[rows]
+    way = q - p  # of a ball's middle: straight
+    length = np.maximum(np.einsum("bki,bki->bk", way, way), 1e-30)
+    s = np.clip(np.einsum("bki,bki->bk", c - p, way) / length, 0.0, 1.0)
+    gap = np.linalg.norm(p + s[..., None] * way - c, axis=-1)
+    return np.asarray(np.maximum(gap - _balls(pieces)[1][phase.piece] - radius, 0.0))
+
+
+@lru_cache(maxsize=8)
+def _balls(pieces: HandPieces) -> tuple[Array, Array]:
+    """Middles (P, 3), in the links' frames, and radii (P,) of balls about the pieces."""
+    parts = np.split(pieces.vertices, pieces.start[1:-1])
+    middles = np.stack([0.5 * (part.min(axis=0) + part.max(axis=0)) for part in parts])
+    radii = [
+        np.linalg.norm(part - middle, axis=1).max()
+        for part, middle in zip(parts, middles, strict=True)
+    ]
+    return middles, np.array(radii)
 
 
 def lowest(pieces: HandPieces, piece: Index, T: Array, plane: SupportPlane) -> Array:
