@@ -6,15 +6,17 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
 from gpis_grasp_planner.planning.request import PlanRequest
 from gpis_grasp_planner.ros.parameter_groups import parameter_groups
-from gpis_grasp_planner.ros.planned import Plan, PlanOrder
+from gpis_grasp_planner.ros.planned import PlaceOrder, Plan, PlanOrder
 from gpis_grasp_planner.ros.planning_process import PlanningProcess
 
 VALUES = {name: kind().as_dict() for name, kind in parameter_groups().items() if name}
@@ -81,6 +83,57 @@ def test_an_unexpected_error_is_an_answer_too(process: PlanningProcess) -> None:
         process.plan(broken, grace_s=60.0)
     assert caught.value.code == ErrorCode.INTERNAL
     assert "KeyError" in caught.value.message
+
+
+def place_order(plan: Plan) -> PlaceOrder:
+    """A sphere on a table."""
+    place = {"support": {"point": [0.0, 0.0, -0.05]}}
+    return PlaceOrder(plan, (str(default_catalogue_directory()),), place, 1, 5.0, VALUES)
+
+
+def test_a_plan_is_placed_while_another_is_made(process: PlanningProcess) -> None:
+    plan = process.plan(order(), grace_s=60.0)
+    running = Call(process, order(time_budget_s=6.0))
+    running.wait_planning()
+    answers = [process.place(place_order(plan), 60.0) for _ in range(2)]
+    assert running.is_alive()
+    for placed in answers:
+        assert placed.code in (ErrorCode.SUCCESS, ErrorCode.ALL_GRASPS_BLOCKED)
+        assert placed.record == b""
+        assert len(placed.grasps) <= 1
+    assert running.code() == ErrorCode.SUCCESS
+
+
+def test_errors_of_placing_are_answered_and_do_not_end_the_process(
+    process: PlanningProcess,
+) -> None:
+    plan = process.plan(order(), grace_s=60.0)
+    pid = process.pid
+    refused: tuple[tuple[dict[str, Any], ErrorCode], ...] = (
+        ({"place": {"table": 1}}, ErrorCode.INVALID_SCENE),
+        ({"place": {"covariance": [-1.0] * 6}}, ErrorCode.INVALID_COVARIANCE),
+        ({"plan": replace(plan, mesh_hash="0" * 64, record=b"other")}, ErrorCode.MESH_UNREADABLE),
+        ({"settings": {}}, ErrorCode.INTERNAL),
+    )
+    for changes, code in refused:
+        with pytest.raises(GraspPlannerError) as caught:
+            process.place(replace(place_order(plan), **changes), 60.0)
+        assert caught.value.code == code
+    assert process.pid == pid
+
+
+def test_a_plan_is_placed_by_the_next_process(process: PlanningProcess) -> None:
+    """Stopped before it takes the order; nothing that it knew is needed by the next one."""
+    plan = process.plan(order(), grace_s=60.0)
+    before = process.place(place_order(plan), 60.0)
+    stopped = process.pid
+    assert stopped is not None
+    os.kill(stopped, signal.SIGSTOP)
+    after = process.place(place_order(plan), 60.0)
+    assert process.pid not in (None, stopped)
+    assert after.code == before.code
+    for one, other in zip(before.grasps, after.grasps, strict=True):
+        assert np.array_equal(one.T_object_palm, other.T_object_palm)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
