@@ -121,3 +121,15 @@ def test_why_none_counts_the_causes(hand: HandDescription, grasp) -> None:
     assert nothing.why_none == "slipped 2"
     untried = select(KnownTrials(hand, {}), [], finalists, Reserve(), 0.0, FAR)
     assert "none could be tried" in untried.why_none
+
+
+def test_what_was_tried_is_not_tried_again(hand: HandDescription, grasp) -> None:
+    trials = KnownTrials(hand, {1: 0, 2: 0, 3: 2})
+    first = select(trials, [], [grasp(1, 0.2)], Reserve((grasp(2, 0.1),)), 0.0, FAR)
+    assert trials.asked == [1, 2]
+    assert not first.held
+    finalists = [grasp(1, 0.2), grasp(3, 0.1)]
+    again = select(trials, [], finalists, Reserve((grasp(2, 0.1),)), 0.0, FAR, known=first.known)
+    assert trials.asked == [1, 2, 3]
+    assert places(again.ranked) == [3, 1]
+    assert again.why_none == "slipped 3"

@@ -20,7 +20,7 @@ from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.planning.clear_evaluator import ClearEvaluator
-from gpis_grasp_planner.planning.context import PlanningContext
+from gpis_grasp_planner.planning.context import PlanningContext, Search
 from gpis_grasp_planner.planning.evaluator import GraspEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.planning.grasp import Grasp
@@ -41,6 +41,7 @@ _KEPT_OBJECTS = 4
 _PROGRESS_INTERVAL_S = 0.1
 _SECONDS_PER_FINALIST = 0.09
 _SECONDS_AFTER_CANCEL = 0.2
+_SHORTEST_ROUND_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +130,9 @@ class GraspPlanner:
         Returns
         -------
         PlanResult
-            With code SUCCESS, NO_FEASIBLE_GRASP or CANCELLED. The search ends in time to
-            compute the finalists' exact quality within the budget.
+            With code SUCCESS, NO_FEASIBLE_GRASP, NO_GRASP_HOLDS or CANCELLED. The search ends in
+            time to compute the finalists' exact quality within the budget, and to try them where
+            that was asked for; if none of them holds it goes on with the time that is left.
 
         Raises
         ------
@@ -186,7 +188,7 @@ class GraspPlanner:
 
     def _plan(self, task: _Task, evaluator: GraspEvaluator) -> PlanResult:
         part, request, prepared, start = task.part, task.request, task.prepared, task.start
-        on_progress, should_stop, trials = task.on_progress, task.should_stop, task.trials
+        should_stop, trials = task.should_stop, task.trials
         scene = self.settings.scene
         friction = evaluator.friction
         archive = GraspArchive(part.max_radius, self.settings.hpp.volume_weight)
@@ -200,61 +202,47 @@ class GraspPlanner:
             rng=np.random.default_rng(request.seed),
         )
         search = make_search(request.planner, context)
-        reserve = min(0.4 * request.time_budget_s, _SECONDS_PER_FINALIST * request.n_grasps)
-        if trials is not None:
-            reserve += self.settings.verification.budget_share * request.time_budget_s
-        search_end = start + request.time_budget_s - reserve
         convergence: list[tuple[float, int, float]] = []
-        cancelled = stepped = False
-        next_progress = start
-        while not search.finished:
-            now = time.monotonic()
-            if on_progress is not None and now >= next_progress:
-                next_progress = now + _PROGRESS_INTERVAL_S
-                on_progress(
-                    Progress(
-                        now - start,
-                        request.time_budget_s,
-                        evaluator.n_attempts,
-                        archive.best_epsilon,
-                        len(archive),
-                    )
+        for_hulls = min(0.4 * request.time_budget_s, _SECONDS_PER_FINALIST * request.n_grasps)
+        share = self.settings.verification.budget_share if trials is not None else 0.0
+        end = start + request.time_budget_s
+        left = request.time_budget_s
+        selection: Selection | None = None
+        while True:
+            cancelled = _search_until(
+                end - for_hulls - share * left, task, search, evaluator, archive, convergence
+            )
+            deadline = None if request.max_evaluations else end
+            if cancelled:
+                deadline = time.monotonic() + _SECONDS_AFTER_CANCEL
+            grasps = choose_finalists(context, request.n_grasps, deadline)
+            found = len(grasps)
+            grasps, notes = self._confirmed(part, friction, prepared, grasps)
+            further = choose_reserve(context, grasps)
+            if trials is None or cancelled:
+                break
+            if grasps:
+                selection = select(
+                    trials,
+                    finalist_cases(part, friction, self.settings.verification, request.seed),
+                    grasps,
+                    further,
+                    self.settings.hpp.volume_weight,
+                    deadline,
+                    should_stop,
+                    task.try_first,
+                    self.settings.clearance,
+                    known=selection.known if selection is not None else None,
                 )
-            if should_stop is not None and should_stop():
-                cancelled = True
+            # Where nothing held there is nothing better to do with the time than to search on.
+            left = end - time.monotonic()
+            held = selection is not None and selection.held
+            if held or search.finished or deadline is None or left < _SHORTEST_ROUND_S:
                 break
-            limit = request.max_evaluations
-            # One step is always taken: a budget shorter than the preparation still tries.
-            late = now >= search_end and stepped
-            if late or (limit is not None and evaluator.n_attempts >= limit):
-                break
-            search.step()
-            stepped = True
-            if archive.best_epsilon > (convergence[-1][2] if convergence else 0.0):
-                elapsed = time.monotonic() - start
-                convergence.append((elapsed, evaluator.n_attempts, archive.best_epsilon))
-        deadline = None if request.max_evaluations else start + request.time_budget_s
-        if cancelled:
-            deadline = time.monotonic() + _SECONDS_AFTER_CANCEL
-        grasps = choose_finalists(context, request.n_grasps, deadline)
-        found = len(grasps)
-        grasps, notes = self._confirmed(part, friction, prepared, grasps)
         code, message = _verdict(part, evaluator.n_attempts, found, len(grasps), cancelled)
         best = archive.best_attempt
         best_attempt = grasp_of(best, context) if best is not None and not grasps else None
-        further = choose_reserve(context, grasps)
-        if trials is not None and grasps and not cancelled:
-            selection = select(
-                trials,
-                finalist_cases(part, friction, self.settings.verification, request.seed),
-                grasps,
-                further,
-                self.settings.hpp.volume_weight,
-                deadline,
-                should_stop,
-                task.try_first,
-                self.settings.clearance,
-            )
+        if selection is not None and not cancelled:
             notes += (selection.note,)
             grasps, further = selection.split(request.n_grasps, request.verification == "require")
             if not grasps:
@@ -306,6 +294,48 @@ class GraspPlanner:
             if look.contacts_confirmed and look.penetration_m <= scene.confirm_tolerance_m
         )
         return kept, (f"PyBullet's scene confirmed {len(kept)} of {len(grasps)} grasps.",)
+
+
+def _search_until(
+    end: float,
+    task: _Task,
+    search: Search,
+    evaluator: GraspEvaluator,
+    archive: GraspArchive,
+    convergence: list[tuple[float, int, float]],
+) -> bool:
+    """Step a search until `end` by ``time.monotonic``, or its limits; whether it was cancelled.
+
+    One step is always taken: a budget shorter than the preparation still tries. Improvements of
+    the best epsilon are appended to `convergence`.
+    """
+    request, limit = task.request, task.request.max_evaluations
+    stepped = False
+    next_progress = time.monotonic()
+    while not search.finished:
+        now = time.monotonic()
+        if task.on_progress is not None and now >= next_progress:
+            next_progress = now + _PROGRESS_INTERVAL_S
+            task.on_progress(
+                Progress(
+                    now - task.start,
+                    request.time_budget_s,
+                    evaluator.n_attempts,
+                    archive.best_epsilon,
+                    len(archive),
+                )
+            )
+        if task.should_stop is not None and task.should_stop():
+            return True
+        late = now >= end and stepped
+        if late or (limit is not None and evaluator.n_attempts >= limit):
+            break
+        search.step()
+        stepped = True
+        if archive.best_epsilon > (convergence[-1][2] if convergence else 0.0):
+            elapsed = time.monotonic() - task.start
+            convergence.append((elapsed, evaluator.n_attempts, archive.best_epsilon))
+    return False
 
 
 def _nothing_holds(part: Part, selection: Selection) -> tuple[ErrorCode, str]:

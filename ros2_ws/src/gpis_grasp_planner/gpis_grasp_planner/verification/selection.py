@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gpis_grasp_planner.planning.clearance import clear_grasps
@@ -12,6 +12,7 @@ from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.obstacles import Surroundings
 from gpis_grasp_planner.planning.ranking import answer_rank
 from gpis_grasp_planner.planning.reserve import Reserve
+from gpis_grasp_planner.planning.trials import Trials
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
 
@@ -70,8 +71,18 @@ class Selection:
         return ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
 
     @property
+    def known(self) -> dict[bytes, Trials]:
+        """Trials by the grasp they were made of, for :func:`select`."""
+        return {_place(g): g.trials for g in self._tried if g.trials is not None}
+
+    @property
     def _tried(self) -> list[Grasp]:
         return [g for g in (*self.ranked, *self.further.estimates) if g.trials is not None]
+
+
+def _place(grasp: Grasp) -> bytes:
+    """What tells grasps of one search apart."""
+    return grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
 
 
 def select(
@@ -84,6 +95,7 @@ def select(
     should_stop: Callable[[], bool] | None = None,
     around: Surroundings | None = None,
     clearance: ClearanceSettings | None = None,
+    known: Mapping[bytes, Trials] | None = None,
 ) -> Selection:
     """Try finalists, then the reserve, and rank them.
 
@@ -103,19 +115,24 @@ def select(
         Of the part's present place, in its frame: grasps that are clear of it are tried first, all
         others only if there is time. (50 ms.)
     clearance : ClearanceSettings, optional
+    known : mapping, optional
+        :attr:`Selection.known` of an earlier choice: those grasps are not tried again.
     """
+    known = known or {}
     candidates = [*finalists, *(reserve.estimates if deadline is not None else ())]
     order = list(range(len(candidates)))
     if around and candidates:
         found = clear_grasps(trials.hand, candidates, around, clearance or ClearanceSettings())
         order.sort(key=lambda i: not found[i].clear)
+    of = {i: known.get(_place(grasp)) for i, grasp in enumerate(candidates)}
+    order = [i for i in order if of[i] is None]
     outcomes = trials.run(
         [candidates[i] for i in order],
         cases if deadline is not None else cases[:1],
         deadline,
         should_stop,
     )
-    of = dict(zip(order, outcomes, strict=True))
+    of.update(zip(order, outcomes, strict=True))
     n = len(finalists)
     ranked = [replace(grasp, trials=of[i]) for i, grasp in enumerate(finalists)]
     further: list[Grasp] = []
