@@ -48,8 +48,8 @@ def test_what_is_done_with_a_plan_afterwards_is_not(group: str) -> None:
     assert plan_key(other, "f") == plan_key(ORDER, "f")
 
 
-def test_the_order_of_trials_is_not() -> None:
-    first = replace(ORDER, try_first={"support": {"point": [0, 0, 0], "normal": [0, 0, 1]}})
+def test_the_place_that_the_trials_follow_is_not() -> None:
+    first = replace(ORDER, present={"support": {"point": [0, 0, 0], "normal": [0, 0, 1]}})
     assert plan_key(first, "f") == plan_key(ORDER, "f")
 
 

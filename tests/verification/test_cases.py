@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import rotation_angle
@@ -39,6 +40,26 @@ def test_displacements_are_of_the_settings_size_and_follow_the_seed(bar: Part, s
         shift = move[:3, :3] @ bar.center_of_mass + move[:3, 3] - bar.center_of_mass
         assert np.isclose(np.linalg.norm(shift), SETTINGS.noise_m)
         assert np.isclose(rotation_angle(np.eye(3), move[:3, :3]), np.radians(SETTINGS.noise_deg))
+
+
+def test_displacements_have_the_covariance_of_the_pose(bar: Part, seed: int) -> None:
+    n = 2000
+    settings = replace(SETTINGS, noise_repeats=1000)
+    deviation = np.array([1e-3, 2e-3, 0.0, 0.01, 0.0, 0.02])
+    C = np.diag(deviation**2)
+    C[0, 5] = C[5, 0] = 0.5 * 1e-3 * 0.02
+    moves = [
+        case.displacement
+        for s in (seed, seed + 1)
+        for case in finalist_cases(bar, Friction(1, 1), settings, s, C)[2:]
+    ]
+    T = np.array(moves)
+    assert len(T) == n
+    drawn = np.hstack([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_rotvec()])
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    # entries of a sample correlation from 2000 draws have a deviation of about 0.03
+    assert np.abs(np.cov((drawn / scale).T) - C / np.outer(scale, scale)).max() < 0.12
+    assert np.abs(drawn.mean(axis=0) / scale).max() < 0.1
 
 
 def test_a_part_beyond_the_payload_is_tried_with_the_protocols_mass(bar: Part) -> None:

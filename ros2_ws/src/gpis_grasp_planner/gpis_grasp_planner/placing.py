@@ -122,7 +122,7 @@ def plan_around(
         Code ALL_GRASPS_BLOCKED where this search finds nothing either.
     """
     known = replace(request, surroundings=place.around())
-    result = planner.plan(part, known, on_progress, should_stop)
+    result = planner.plan(part, known, on_progress, should_stop, place)
     # The search is over; what is left to do is short, and an answer without it would be none.
     answer = place_result(planner, part, result, place)
     before = f" ({blocked})" if blocked else ""
@@ -163,8 +163,7 @@ def plan_at(
     answer : PlacedAnswer
     """
     start = time.monotonic()
-    around = place.around() if place.surroundings else None
-    result = planner.plan(part, request, on_progress, should_stop, try_first=around)
+    result = planner.plan(part, request, on_progress, should_stop, place)
     if not place:
         answer = PlacedAnswer(result, (Clearance(np.inf),) * len(result.grasps), {}, None)
         return result, answer

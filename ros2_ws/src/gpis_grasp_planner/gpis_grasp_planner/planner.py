@@ -24,7 +24,7 @@ from gpis_grasp_planner.planning.context import PlanningContext, Search
 from gpis_grasp_planner.planning.evaluator import GraspEvaluator
 from gpis_grasp_planner.planning.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.obstacles import Surroundings
+from gpis_grasp_planner.planning.place import Place
 from gpis_grasp_planner.planning.planners import check_planner, make_search
 from gpis_grasp_planner.planning.ranking import GraspArchive
 from gpis_grasp_planner.planning.request import PlanRequest, PlanResult, Progress
@@ -63,7 +63,7 @@ class _Task:
     prepared: PreparedObject
     on_progress: Callable[[Progress], None] | None
     should_stop: Callable[[], bool] | None
-    try_first: Surroundings | None
+    place: Place
     trials: FinalistTrials | None = None
 
 
@@ -110,7 +110,7 @@ class GraspPlanner:
         request: PlanRequest,
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
-        try_first: Surroundings | None = None,
+        place: Place | None = None,
     ) -> PlanResult:
         """Plan grasps of a part, in the part's own frame.
 
@@ -123,9 +123,10 @@ class GraspPlanner:
         should_stop : callable, optional
             Asked between steps (10 to 100 ms); True ends the plan with code CANCELLED and the
             grasps whose exact quality is known within 0.2 s more.
-        try_first : Surroundings, optional
-            Around the part's present place, in its frame: physics tries grasps that are clear of
-            them before all others. The plan is good for other places all the same.
+        place : Place, optional
+            Where the part lies now. The plan is good for other places all the same; only the
+            trials in physics follow it: grasps that are clear of the surroundings come first, and
+            displacements are drawn from the pose's covariance.
 
         Returns
         -------
@@ -147,7 +148,7 @@ class GraspPlanner:
             self.prepare(part),
             on_progress,
             should_stop,
-            try_first,
+            place or Place(),
         )
         if request.verification == "none":
             return self._plan_in_scene(task)
@@ -224,13 +225,19 @@ class GraspPlanner:
             if grasps:
                 selection = select(
                     trials,
-                    finalist_cases(part, friction, self.settings.verification, request.seed),
+                    finalist_cases(
+                        part,
+                        friction,
+                        self.settings.verification,
+                        request.seed,
+                        task.place.covariance,
+                    ),
                     grasps,
                     further,
                     self.settings.hpp.volume_weight,
                     deadline,
                     should_stop,
-                    task.try_first,
+                    task.place.around(),
                     self.settings.clearance,
                     known=selection.known if selection is not None else None,
                 )

@@ -19,11 +19,11 @@ AFTERWARDS = ("clearance", "uncertainty")
 def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
     """One string for everything that decides which plan in free space is asked for.
 
-    Which of its grasps physics tries first is not part of it.
+    How its grasps are tried in physics, where the first request has its part, is not part of it.
     """
     settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
     content: Mapping[str, Any] = {
-        **asdict(replace(order, try_first=None)),
+        **asdict(replace(order, present=None)),
         "settings": settings,
         "mesh": mesh_fingerprint,
     }

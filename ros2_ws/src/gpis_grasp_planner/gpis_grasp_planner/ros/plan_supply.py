@@ -83,8 +83,8 @@ class PlanSupply:
         """Look a plan up or make it.
 
         A plan holds at least the node's default number of grasps, so that requests for fewer
-        share it. It is good for every place; where one is given, trials in physics begin with
-        what is clear there.
+        share it. It is good for every place; where one is given, the trials in physics begin with
+        what is clear there and draw from its covariance.
 
         Raises
         ------
@@ -93,8 +93,8 @@ class PlanSupply:
         """
         settings = self._settings()
         shared = replace(request, n_grasps=max(request.n_grasps, settings.default_n_grasps))
-        first = place.as_mapping() if place is not None and place.surroundings else None
-        order = replace(self._order(mesh_id, shared), try_first=first)
+        present = place.as_mapping() if place else None
+        order = replace(self._order(mesh_id, shared), present=present)
         self.cache.size = settings.plan_cache_size
         known = self.cache.get(self._key(order))
         if known is not None:

@@ -21,8 +21,8 @@ class PlanOrder:
     `settings` holds, per group, the values by name: those of ``planning.settings`` and the
     group "catalogue". With a `place` (`planning.place.Place.as_mapping`) the search knows the
     surroundings, and the plan is for this place alone; `blocked` says what had blocked the plan
-    in free space. With `try_first`, a place too, the plan is good for all places: only the order of
-    the trials in physics follows it.
+    in free space. The plan of an order with a `present` place is good for all places: only the
+    trials in physics follow it.
     """
 
     mesh_id: str
@@ -31,7 +31,7 @@ class PlanOrder:
     settings: Mapping[str, Mapping[str, Any]]
     place: Mapping[str, Any] | None = None
     blocked: str = ""
-    try_first: Mapping[str, Any] | None = None
+    present: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)

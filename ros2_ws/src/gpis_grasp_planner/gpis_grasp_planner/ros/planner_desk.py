@@ -68,8 +68,8 @@ class PlannerDesk:
             place = _place(order.place, load)
             answer = plan_around(planner, part, request, place, order.blocked, on_progress)
             return _light(answer.result, time.monotonic() - start, blocked=order.blocked)
-        around = None if order.try_first is None else _place(order.try_first, load).around()
-        result = planner.plan(part, request, on_progress, try_first=around)
+        present = None if order.present is None else _place(order.present, load)
+        result = planner.plan(part, request, on_progress, place=present)
         record = b""
         if result.code == ErrorCode.SUCCESS:
             record = zlib.compress(pickle.dumps(result), _COMPRESSION)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.planning.trials import TrialOutcome
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
-from gpis_grasp_planner.verification.pose_noise import displacements
+from gpis_grasp_planner.verification.pose_noise import displacements, drawn_displacements
 from gpis_grasp_planner.verification.result import Verification
 
 Array = NDArray[np.float64]
@@ -45,19 +45,28 @@ def cad_mass(part: Part, settings: VerificationSettings) -> float:
 
 
 def finalist_cases(
-    part: Part, friction: Friction, settings: VerificationSettings, seed: int
+    part: Part,
+    friction: Friction,
+    settings: VerificationSettings,
+    seed: int,
+    covariance: Array | None = None,
 ) -> Sequence[TrialCase]:
     """The cases in the order of their weight; the first one decides whether a grasp holds.
 
     It is the strict protocol at the settings' friction, or at the friction that was planned
     with where that is less. Then the same with half slippery fingers and the CAD mass, and with
-    displaced parts.
+    displaced parts: by the settings' distance and angle, or drawn from the covariance (6, 6) of
+    the pose in the object's axes where that is known.
     """
     nominal = replace(settings, friction=min(settings.friction, friction.finger))
     mass = cad_mass(part, settings)
     slippery = replace(nominal, friction=min(settings.low_friction, friction.finger), mass_kg=mass)
-    moved = displacements(part, settings, seed)
-    where = f"{1e3 * settings.noise_m:g} mm and {settings.noise_deg:g} deg off"
+    if covariance is None:
+        moved = displacements(part, settings, seed)
+        where = f"{1e3 * settings.noise_m:g} mm and {settings.noise_deg:g} deg off"
+    else:
+        moved = drawn_displacements(covariance, settings.noise_repeats, seed)
+        where = "displaced by the covariance"
     return [
         TrialCase(_name(nominal), nominal),
         TrialCase(_name(slippery), slippery),

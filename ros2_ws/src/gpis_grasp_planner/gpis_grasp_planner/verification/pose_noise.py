@@ -14,6 +14,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.planning.pose_uncertainty import random_perturbations
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.protocol import verify
 from gpis_grasp_planner.verification.result import Verification
@@ -62,6 +63,15 @@ def displacements(part: Part, settings: VerificationSettings, seed: int) -> list
     return [
         random_displacement(rng, settings.noise_m, angle, part.center_of_mass)
         for _ in range(settings.noise_repeats)
+    ]
+
+
+def drawn_displacements(covariance: Array, n: int, seed: int) -> list[Array]:
+    """`n` displacements (4, 4) from a pose's covariance (6, 6) in the object's axes, seeded."""
+    drawn = random_perturbations(covariance, n, np.random.default_rng(seed))
+    return [
+        transform(Rotation.from_rotvec(turn).as_matrix(), shift)
+        for shift, turn in zip(drawn[:, :3], drawn[:, 3:], strict=True)
     ]
 
 
