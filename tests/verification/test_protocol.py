@@ -117,7 +117,11 @@ def test_harder_tests_turn_no_failure_into_a_pass(
 def test_the_bar_slips_along_when_friction_is_used_up(
     bar: Part, hand: HandDescription, firm: Grasp
 ) -> None:
-    """Along the bar the contacts can hold mu times the sum of the normal forces, no more."""
+    """Along the bar the contacts can hold mu times the sum of the normal forces, no more.
+
+    Between that and what they hold where every finger is driven back, with its holding instead of
+    its pressing force, either may happen.
+    """
     friction = 0.3
     settings = VerificationSettings(friction=friction)
     with Verifier(bar, hand, settings) as verifier:
@@ -128,11 +132,12 @@ def test_the_bar_slips_along_when_friction_is_used_up(
     assert 20.0 < normal < 200.0
     per_mass = VerificationSettings(friction=friction, mass_kg=4.0)
     results = {}
-    for share in (0.75, 1.3):
+    beyond = 1.1 * settings.holding_force_n / settings.tip_force_n
+    for share in (0.75, beyond):
         pushed = replace(per_mass, acceleration_m_s2=share * capacity / 4.0)
         [verdict] = verify(bar, hand, [firm], pushed, stop_at_failure=False)
         results[share] = [d.held for d in verdict.directions if abs(d.direction[0]) == 1.0]
-    assert results == {0.75: [True, True], 1.3: [False, False]}
+    assert results == {0.75: [True, True], beyond: [False, False]}
 
 
 def test_every_direction_starts_afresh(bar: Part, hand: HandDescription, firm: Grasp) -> None:
