@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.planning.evaluator import AttemptStatus
 from gpis_grasp_planner.planning.ranking import DISTINCT, GraspArchive, distinct, pose_difference
+from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
 
 RADIUS = 0.08
 WEIGHT = 0.5
@@ -204,3 +205,14 @@ def test_what_a_grasp_has_to_beat(oracle):
     asked[0, 0, 3] -= 0.19 * RADIUS
     asked[3, 1, 3] += 0.21 * RADIUS
     assert archive.to_beat(asked, lifted, n=2)[[0, 3]].tolist() == [0.3, 0.3]
+
+
+def trials(passed: str) -> Trials:
+    return Trials(tuple(TrialOutcome(str(i), mark == "+") for i, mark in enumerate(passed)))
+
+
+def test_the_slippery_case_weighs_more_than_displaced_parts() -> None:
+    order = ["++++", "++-", "++", "+", "+-+++", "+-", "", "-"]
+    merits = [trials(marks).merit if marks else (0, 0, 0) for marks in order]
+    assert merits == sorted(merits, reverse=True)
+    assert trials("++-").merit == trials("++").merit

@@ -74,3 +74,9 @@ def test_an_outcome_carries_the_verdict_and_its_margins(bar: Part) -> None:
     outcome = case.outcome(verdict)
     assert (outcome.name, outcome.passed, outcome.cause) == (case.name, False, "slipped")
     assert np.allclose([outcome.slip_m, outcome.rotation_rad], [0.031, 0.02])
+
+
+def test_a_feather_is_tried_with_a_mass_that_the_settings_allow(bar: Part) -> None:
+    feather = replace(bar, mass=2e-4)
+    assert cad_mass(feather, SETTINGS) == 1e-3
+    assert finalist_cases(feather, Friction(1, 1), SETTINGS, 0)[1].settings.mass_kg == 1e-3

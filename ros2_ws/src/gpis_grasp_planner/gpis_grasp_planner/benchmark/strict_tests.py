@@ -12,6 +12,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.verification.cases import LEAST_KG
 from gpis_grasp_planner.verification.pose_noise import displacements
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier, prepare
 from gpis_grasp_planner.verification.result import Verification
@@ -25,7 +26,6 @@ LIFT = "table lift"
 TESTS = (NOMINAL, SLIPPERY, SLIPPERY_CAD, NOISE, LIFT)
 
 DENSITY_KG_M3 = 1000.0
-_LEAST_KG = 1e-3
 
 
 def volume_mass(part: Part, settings: VerificationSettings) -> float:
@@ -33,7 +33,7 @@ def volume_mass(part: Part, settings: VerificationSettings) -> float:
 
     Whatever the part's file says: the protocol compares parts of one density.
     """
-    mass = max(DENSITY_KG_M3 * part.volume, _LEAST_KG)
+    mass = max(DENSITY_KG_M3 * part.volume, LEAST_KG)
     return float(mass) if mass < settings.payload_kg else settings.mass_kg
 
 

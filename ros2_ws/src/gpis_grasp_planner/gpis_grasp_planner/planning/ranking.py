@@ -70,15 +70,13 @@ def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
     """Sort key of an answer's grasps, best first.
 
     Grasps that physics held come before untried ones, and those before grasps that failed; within
-    each, more trials passed, then the likelier to hold under the pose's covariance, then
+    each by `Trials.merit`, then the likelier to hold under the pose's covariance, then
     epsilon + lambda volume. Trials in physics, which include displaced parts, weigh more than the
     quasi-static model behind the probability.
     """
-    trials = grasp.trials
-    standing = 0.0 if trials is None else (1.0 if trials.held else -1.0)
+    merit = (0, 0, 0) if grasp.trials is None else grasp.trials.merit
     return (
-        -standing,
-        -float(trials.n_passed if trials is not None else 0),
+        *(-float(figure) for figure in merit),
         -(grasp.hold_probability or 0.0),
         -(grasp.epsilon + volume_weight * grasp.volume),
     )

@@ -55,6 +55,17 @@ class Trials:
         return sum(outcome.passed for outcome in self.outcomes)
 
     @property
+    def merit(self) -> tuple[int, int, int]:
+        """What grasps are compared by, more being better: first case, second case, cases passed.
+
+        A case counts 1 if it was passed, 0 if it was not tried, -1 if it was failed. The second
+        one (slippery fingers, the part's own mass) weighs more than any number of displaced parts.
+        """
+        verdicts = [1 if outcome.passed else -1 for outcome in self.outcomes[:2]]
+        first, second = [*verdicts, 0, 0][:2]
+        return first, second, self.n_passed
+
+    @property
     def largest_slip_m(self) -> float:
         """Over the trials passed; 0 where none was."""
         return max((o.slip_m for o in self.outcomes if o.passed), default=0.0)

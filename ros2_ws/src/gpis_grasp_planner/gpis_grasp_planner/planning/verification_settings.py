@@ -78,7 +78,7 @@ class VerificationSettings(SettingsGroup):
     )
     rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
     solver_iterations: int = setting(
-        50, low=5, high=1000, description="Iterations of the contact solver in a step."
+        50, low=5, high=1000, description="Iterations of the contact solver in a step, for 0.1 kg."
     )
     cover_tolerance_m: float = setting(
         2e-4, low=2e-5, high=2e-3, description="How far convex pieces may stand out of the object."

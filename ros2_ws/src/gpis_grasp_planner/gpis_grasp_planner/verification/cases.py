@@ -16,6 +16,8 @@ from gpis_grasp_planner.verification.result import Verification
 
 Array = NDArray[np.float64]
 
+LEAST_KG = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class TrialCase:
@@ -40,8 +42,11 @@ class TrialCase:
 
 
 def cad_mass(part: Part, settings: VerificationSettings) -> float:
-    """Mass [kg] of the part, or the protocol's where the hand could not carry the part."""
-    return part.mass if part.mass <= settings.payload_kg else settings.mass_kg
+    """Mass [kg] of the part, or the protocol's where the hand could not carry the part.
+
+    A part lighter than 1 g counts as 1 g.
+    """
+    return max(part.mass, LEAST_KG) if part.mass <= settings.payload_kg else settings.mass_kg
 
 
 def finalist_cases(
