@@ -34,6 +34,8 @@ def test_an_interrupted_benchmark_goes_on_where_it_stopped(gpis_grasp, tmp_path:
         env={**os.environ, "PYTHONPATH": str(PACKAGE_ROOT)},
         stderr=subprocess.PIPE,
         text=True,
+        # What runs in the background ignores Ctrl-C and so would its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     while process.poll() is None and not (out / "runs.jsonl").exists():
         time.sleep(0.05)
