@@ -8,12 +8,12 @@ of two fingers, or of a finger and the palm, must press on it.
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections import OrderedDict
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing.connection import Connection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
-from gpis_grasp_planner.hand.description import HandDescription, load_hand
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
@@ -30,6 +30,7 @@ from gpis_grasp_planner.verification.convex_cover import convex_cover
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.start import StartFinder
 from gpis_grasp_planner.verification.trial import Motion, TrialWorld
+from gpis_grasp_planner.verification.workers import answer_requests, share_out
 
 Array = NDArray[np.float64]
 
@@ -292,7 +293,7 @@ def verify(
     grasps : sequence of Grasp
     settings : VerificationSettings, optional
     processes : int
-        More than one starts that many processes (about 2 s) and shares the grasps out.
+        More than one forks that many children (10 ms); a free one takes the next grasp.
     stop_at_failure : bool
         End a grasp's trial with the first direction that fails.
     displacements : sequence of (4, 4) arrays, optional
@@ -301,18 +302,21 @@ def verify(
     Returns
     -------
     list of Verification, in the order of the grasps. About 0.5 s a grasp.
+
+    Raises
+    ------
+    SystemFault
+        Where a child ended before it answered.
     """
     settings = settings or VerificationSettings()
     moves = list(displacements) if displacements is not None else [None] * len(grasps)
     prepared = prepare(part, settings)
-    workers = min(processes, len(grasps))
-    if workers <= 1:
-        with Verifier(part, hand, settings, prepared, stop_at_failure) as verifier:
+    make = partial(Verifier, part, hand, settings, prepared, stop_at_failure)
+    if min(processes, len(grasps)) <= 1:
+        with make() as verifier:
             return [_one(verifier, g, move) for g, move in zip(grasps, moves, strict=True)]
-    context = multiprocessing.get_context("spawn")
-    arguments = (part, hand.name, settings, prepared, stop_at_failure)
-    with ProcessPoolExecutor(workers, context, _start_worker, arguments) as pool:
-        return list(pool.map(_verify_in_worker, grasps, moves))
+    serve = partial(_serve, make, list(zip(grasps, moves, strict=True)))
+    return share_out(serve, range(len(grasps)), processes)
 
 
 def _one(verifier: Verifier, grasp: Grasp, displacement: Array | None) -> Verification:
@@ -321,21 +325,17 @@ def _one(verifier: Verifier, grasp: Grasp, displacement: Array | None) -> Verifi
     return verifier.verify_displaced(grasp, displacement)
 
 
-_worker: Verifier | None = None
-
-
-def _start_worker(
-    part: Part,
-    hand_name: str,
-    settings: VerificationSettings,
-    prepared: PreparedPart,
-    stop_at_failure: bool,
+def _serve(
+    make: Callable[[], Verifier],
+    trials: Sequence[tuple[Grasp, Array | None]],
+    connection: Connection,
 ) -> None:
-    global _worker
-    _worker = Verifier(part, load_hand(hand_name), settings, prepared, stop_at_failure)
-    _worker.__enter__()
+    with make() as verifier:
 
+        def answer(index: int) -> Verification | Exception:
+            try:
+                return _one(verifier, *trials[index])
+            except Exception as error:
+                return error  # the parent raises it
 
-def _verify_in_worker(grasp: Grasp, displacement: Array | None) -> Verification:
-    assert _worker is not None
-    return _one(_worker, grasp, displacement)
+        answer_requests(answer, connection)

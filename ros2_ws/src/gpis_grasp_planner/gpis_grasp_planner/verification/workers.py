@@ -7,13 +7,16 @@ parent's open files: the planning process's socket must close with the planning 
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Self
+
+from gpis_grasp_planner.errors import SystemFault
 
 _MOST_FILES = 4096
 
@@ -46,6 +49,11 @@ class ForkedChild:
     ) -> None:
         self.end()
 
+    def exit_code(self) -> int | None:
+        """How a child that closed its end went: -N by signal N; None if it has not ended in 1 s."""
+        self._process.join(1.0)
+        return self._process.exitcode
+
     def end(self) -> None:
         """End the child at once. Idempotent."""
         self.connection.close()
@@ -76,3 +84,67 @@ def answer_requests(answer: Callable[[Any], Any], connection: Connection) -> Non
     """Answer every request that comes over a connection, until it closes."""
     while True:
         connection.send(answer(connection.recv()))
+
+
+def share_out(
+    serve: Callable[[Connection], None], requests: Sequence[Any], processes: int
+) -> list[Any]:
+    """Answers to requests from forked children; whichever is free takes the next request.
+
+    Parameters
+    ----------
+    serve : callable
+        Runs in every child and answers one request after the other, see
+        :func:`answer_requests`. An exception that it answers with is raised here.
+    requests : sequence
+        Anything that can be pickled.
+    processes : int
+        At least 1; no more children are started than there are requests.
+
+    Returns
+    -------
+    list
+        In the order of the requests.
+
+    Raises
+    ------
+    SystemFault
+        INTERNAL where a child ended before it answered. The other children are ended.
+    """
+    answers: list[Any] = [None] * len(requests)
+    waiting = list(range(len(requests)))[::-1]
+    children = [ForkedChild(serve) for _ in range(min(processes, len(requests)))]
+    idle = list(children)
+    working: dict[Any, tuple[ForkedChild, int]] = {}
+    try:
+        while waiting or working:
+            while idle and waiting:
+                child, index = idle.pop(), waiting.pop()
+                working[child.connection] = (child, index)
+                _send(child, requests[index])
+            for ready in wait(list(working)):
+                child, index = working.pop(ready)
+                answers[index] = _answer(child, index, len(requests))
+                idle.append(child)
+    finally:
+        for child in children:
+            child.end()
+    return answers
+
+
+def _send(child: ForkedChild, request: Any) -> None:
+    with contextlib.suppress(OSError):  # of a child that is gone, reading its answer tells
+        child.connection.send(request)
+
+
+def _answer(child: ForkedChild, index: int, n: int) -> Any:
+    try:
+        answer = child.connection.recv()
+    except (EOFError, OSError):
+        raise SystemFault(
+            f"A child process ended (code {child.exit_code()}) before it answered request "
+            f"{index + 1} of {n}. Is there enough memory? One process alone shows the error."
+        ) from None
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
