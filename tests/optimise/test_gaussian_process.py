@@ -194,3 +194,18 @@ def test_queries_before_data_and_bad_data_are_refused():
         process.fit(np.zeros((3, 1)), np.zeros(3))
     with pytest.raises(RequestError, match="NaN or infinite"):
         process.fit(np.zeros((2, 2)), [1.0, np.nan])
+
+
+def test_the_noise_is_found_although_the_likelihood_sees_a_part_of_the_record():
+    rng = np.random.default_rng(3)
+    x = rng.random((900, 1))
+    noise = 0.4
+    y = np.sin(6.0 * x[:, 0]) + noise * rng.standard_normal(900)
+    process = GaussianProcess(
+        EuclideanDistance([0], [(0.05, 5.0)]), GaussianProcessSettings(noise_std_max=3.0)
+    )
+    process.fit(x, y)
+    found = np.sqrt(process.noise_variance) * process.target_std
+    print("noise", found)
+    # 160 of 900 are looked at: 5.6 % is one standard deviation of a standard deviation.
+    assert found == pytest.approx(noise, rel=0.17)

@@ -9,7 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.planning.evaluator import AttemptStatus
-from gpis_grasp_planner.planning.ranking import DISTINCT, GraspArchive, distinct, pose_difference
+from gpis_grasp_planner.planning.ranking import (
+    DISTINCT,
+    GraspArchive,
+    are_near,
+    distinct,
+    pose_difference,
+)
 from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
 
 RADIUS = 0.08
@@ -178,6 +184,16 @@ def test_equal_figures_keep_their_order(oracle):
     archive = GraspArchive(RADIUS, WEIGHT)
     archive.add(oracle.make_attempts(T, [0.1] * 5))
     assert [c.index for c in archive.best(5)] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("apart", [0.05, DISTINCT, 0.5, 0.7])
+def test_nearness_is_the_distance_rule(rng, apart):
+    # Small turns about a common pose, so that the rule for angles decides as well.
+    turns = Rotation.from_rotvec(3.0 * apart * rng.uniform(-1.0, 1.0, (300, 3)))
+    T = transform(turns.as_matrix(), apart * rng.uniform(-RADIUS, RADIUS, (300, 3)))
+    expected = pose_difference(T[:100, None], T[None, 100:], RADIUS) < apart
+    assert 0.01 < expected.mean() < 0.999
+    np.testing.assert_array_equal(are_near(T[:100], T[100:], RADIUS, apart), expected)
 
 
 def test_what_a_grasp_has_to_beat(oracle):

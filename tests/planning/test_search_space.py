@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.planning.search_space import (
     PalmSearchSpace,
     hyperspherical_from_quat,
@@ -205,3 +206,22 @@ def test_spread_and_standoff_may_follow_the_palm(space, rng):
     assert_allclose(features[:, 12:], X[:, 6:], atol=0.0)
     assert eight.domain.distance.n_features == 14
     assert eight.domain.distance.definite
+
+
+def test_places_are_those_of_the_coordinates_as_they_are_now():
+    calls = []
+
+    def adapt(T):
+        calls.append(len(T))
+        return T @ transform(np.eye(3), np.array([0.0, 0.0, 0.01]))
+
+    space = PalmSearchSpace(BOUNDS, CLEARANCE, adapt)
+    X = space.domain.sample(5, np.random.default_rng(0))
+    first = space.places(X)
+    assert_allclose(first, adapt(space.poses(X)))
+    del calls[:]
+    assert_allclose(space.domain.features(X)[:, :3], first[:, :3, 3])
+    assert calls == []
+    X[2, 2] = 1.0 - X[2, 2]
+    assert_allclose(space.places(X), adapt(space.poses(X)))
+    assert not np.allclose(space.places(X)[2], first[2])

@@ -23,10 +23,10 @@ def test_logarithm_follows_the_exact_volume(random_grasps):
         estimate.append(volume_estimate(W, len(contacts)))
     correlation = np.corrcoef(np.log(exact), np.log(estimate))[0, 1]
     print("correlation", correlation)
-    assert correlation > 0.9
+    assert correlation > 0.98
 
 
-def test_reference_grasps_are_within_a_factor_of_six():
+def test_reference_grasps_are_within_a_factor_of_two():
     path = Path(__file__).parents[1] / "data" / "reference_grasps.json"
     for grasp in json.loads(path.read_text())["grasps"]:
         rows = np.array(grasp["contacts"])
@@ -34,7 +34,21 @@ def test_reference_grasps_are_within_a_factor_of_six():
             rows[:, :3], rows[:, 3:6], rows[:, 6], np.zeros(len(rows), dtype=np.intp)
         )
         W = contact_wrenches(contacts, np.array(grasp["center_of_mass_mm"]), grasp["max_radius_mm"])
-        assert 1 / 6 < volume_estimate(W, len(rows)) / grasp["volume"] < 6
+        assert 1 / 2 < volume_estimate(W, len(rows)) / grasp["volume"] < 2
+
+
+def test_contacts_that_crowd_do_not_make_a_grasp_large(rng):
+    # Two flat patches of nine contacts, opposite each other: spread in torques, thin in forces.
+    patch = np.stack(np.meshgrid([-0.01, 0.0, 0.01], [-0.01, 0.0, 0.01]), axis=-1).reshape(-1, 2)
+    side = np.repeat([-1.0, 1.0], 9)
+    positions = np.column_stack([0.03 * side, np.tile(patch, (2, 1))])
+    positions += 1e-4 * rng.standard_normal(positions.shape)
+    normals = np.column_stack([-side, np.zeros(18), np.zeros(18)])
+    contacts = Contacts(positions, normals, np.full(18, 0.3), np.zeros(18, dtype=np.intp))
+    W = contact_wrenches(contacts, np.zeros(3), 0.1)
+    ratio = volume_estimate(W, 18) / hull_quality(W).volume
+    print("ratio", ratio)
+    assert 1 / 2.5 < ratio < 2.5
 
 
 def test_scales_as_the_volume_does_and_vanishes_with_it(random_grasps):

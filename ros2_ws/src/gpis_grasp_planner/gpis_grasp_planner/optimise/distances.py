@@ -179,8 +179,13 @@ def pose_features(translation: ArrayLike, quat_xyzw: ArrayLike) -> Array:
     (n, 12) array
     """
     translation = np.atleast_2d(np.asarray(translation, dtype=float))
-    matrices = Rotation.from_quat(np.atleast_2d(np.asarray(quat_xyzw, dtype=float))).as_matrix()
-    return np.hstack([translation, matrices.reshape(-1, 9) / np.sqrt(2.0)])
+    rotation = Rotation.from_quat(np.atleast_2d(np.asarray(quat_xyzw, dtype=float))).as_matrix()
+    return matrix_features(translation, rotation)
+
+
+def matrix_features(translation: Array, rotation: Array) -> Array:
+    """:func:`pose_features` of translations (n, 3) and rotation matrices (n, 3, 3)."""
+    return np.hstack([translation, rotation.reshape(-1, 9) / np.sqrt(2.0)])
 
 
 def checked_bounds(bounds: ArrayLike, n_scales: int) -> Array:

@@ -17,7 +17,6 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.optimise.distances import Distance
 from gpis_grasp_planner.optimise.factorisation import CholeskyFactor, Factor, SpectralFactor
 from gpis_grasp_planner.optimise.kernel import correlation, correlation_with_slopes
-from gpis_grasp_planner.optimise.observation_window import choose_window
 from gpis_grasp_planner.optimise.rprop import RpropSettings, maximise_rprop
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
@@ -215,7 +214,10 @@ class GaussianProcess:
         """Maximise the likelihood by iRprop- from the present values (Alg. 1, line 3)."""
         if self.n_observations < 2:
             return
-        keep = choose_window(self.features, self.targets, self.settings.likelihood_observations)
+        # Evenly over the record. By value would be wrong: the lucky ones among noisy observations
+        # of one place agree with each other, and the noise would be found too small.
+        n = min(self.n_observations, self.settings.likelihood_observations)
+        keep = np.linspace(0, self.n_observations - 1, n).astype(np.intp)
         parts = self.distance.parts(self.features[keep])
         z = self._standardised(self.targets[keep])[0]
         result = maximise_rprop(

@@ -138,7 +138,7 @@ class PalmPoseOptimiser:
 
     def _to_beat(self, X: Array) -> Array:
         """What a grasp near each proposal has to beat to enter the list of distinct grasps."""
-        place = self.adaption.destination
-        return self._context.archive.to_beat(
-            place(self.space.poses(X)), lambda T: place(T @ self.adaption.T_palm_face)
-        )
+        return self._context.archive.to_beat(self.space.places(X), self._place_of_palm)
+
+    def _place_of_palm(self, T_object_palm: Array) -> Array:
+        return self.adaption.destination(T_object_palm @ self.adaption.T_palm_face)

@@ -29,16 +29,32 @@ def pose_difference(T_1: Array, T_2: Array, max_radius: float) -> Array:
     return np.maximum(translation, angle)
 
 
+def are_near(
+    T_1: Array, T_2: Array, max_radius: float, apart: float = DISTINCT
+) -> NDArray[np.bool_]:
+    """Whether ``pose_difference < apart`` between all of (k, 4, 4) and all of (m, 4, 4): (k, m).
+
+    By two matrix products, with the rule for the angle as one for the trace of ``R_1^T R_2``.
+    """
+    offset = T_1[:, None, :3, 3] - T_2[None, :, :3, 3]
+    near = np.einsum("kmi,kmi->km", offset, offset) < (apart * max_radius) ** 2
+    angle = 2.0 * np.pi * apart
+    if angle <= np.pi:
+        trace = T_1[:, :3, :3].reshape(-1, 9) @ T_2[:, :3, :3].reshape(-1, 9).T
+        near &= trace > 1.0 + 2.0 * np.cos(angle)
+    return np.asarray(near)
+
+
 def distinct(
     T: Array, order: NDArray[np.intp], max_radius: float, n: int, apart: float = DISTINCT
 ) -> list[int]:
     """Greedy choice of up to `n` poses from `order`, each `apart` from all chosen before."""
     chosen: list[int] = []
-    for i in order:
-        if not chosen or np.all(pose_difference(T[i], T[chosen], max_radius) >= apart):
-            chosen.append(int(i))
-            if len(chosen) == n:
-                break
+    left = np.asarray(order)
+    while len(left) and len(chosen) < n:
+        chosen.append(int(left[0]))
+        left = left[1:]
+        left = left[~are_near(T[left], T[chosen[-1:]], max_radius, apart)[:, 0]]
     return chosen
 
 
@@ -101,6 +117,7 @@ class GraspArchive:
         self._candidates: list[Candidate] = []
         self.best_attempt: Candidate | None = None
         self._list: list[Candidate] | None = None
+        self._places: tuple[Callable[[Array], Array], Array] | None = None
 
     def __len__(self) -> int:
         return len(self._candidates)
@@ -156,8 +173,10 @@ class GraspArchive:
         last = listed[-1].objective if len(listed) >= n else 0.0
         threshold = np.full(len(T_place), last)
         if listed:
-            T = place_of(np.stack([c.T_object_palm for c in listed]))
-            near = pose_difference(T_place[:, None], T[None], self.max_radius) < DISTINCT
+            if self._places is None or self._places[0] != place_of:
+                T = place_of(np.stack([c.T_object_palm for c in listed]))
+                self._places = (place_of, T)
+            near = are_near(T_place, self._places[1], self.max_radius)
             objective = np.array([c.objective for c in listed])
             threshold = np.maximum(threshold, np.where(near, objective, 0.0).max(axis=1))
         return threshold
@@ -165,7 +184,7 @@ class GraspArchive:
     def _listed(self, n: int) -> list[Candidate]:
         """`best(n)`, computed anew only after something was added."""
         if self._list is None or len(self._list) > n:
-            self._list = self._ranked(n, DISTINCT)
+            self._list, self._places = self._ranked(n, DISTINCT), None
         return self._list
 
     def _ranked(self, n: int, apart: float) -> list[Candidate]:

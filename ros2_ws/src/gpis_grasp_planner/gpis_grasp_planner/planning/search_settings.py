@@ -70,7 +70,7 @@ class HppSettings(SettingsGroup):
         24, low=1, high=100_000, description="Latin hypercube poses that start the model."
     )
     batch: int = setting(
-        4,
+        8,
         low=1,
         high=64,
         description="Proposals asked of the model at once; the paper's form is 1.",
@@ -85,7 +85,7 @@ class HppSettings(SettingsGroup):
         200, low=10, high=5000, description="Observations that the model holds at once."
     )
     noise_std_max: float = setting(
-        0.7,
+        1.5,
         low=1e-4,
         high=10.0,
         description="Upper bound of the model's noise, in standard deviations of the objective: "

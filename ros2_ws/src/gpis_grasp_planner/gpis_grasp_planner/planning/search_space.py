@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.optimise.distances import EuclideanDistance, pose_features
+from gpis_grasp_planner.optimise.distances import EuclideanDistance, matrix_features
 from gpis_grasp_planner.optimise.domain import BoxDomain
 
 Array = NDArray[np.float64]
@@ -85,6 +85,7 @@ class PalmSearchSpace:
         posture_upper: ArrayLike | None = None,
     ):
         self._adapt = adapt
+        self._last: tuple[Array, Array] | None = None
         lower, upper = np.asarray(bounds, dtype=float)
         self.center = 0.5 * (lower + upper)
         # A sheet has no extent along its normal; the ellipsoid needs one.
@@ -131,13 +132,26 @@ class PalmSearchSpace:
         return transform(R, self.positions(X))
 
     def _features(self, X: Array) -> Array:
-        return self.features_of(self.poses(X), X[:, 6:])
+        return self._features_at(self.places(X), X[:, 6:])
+
+    def places(self, X: Array) -> Array:
+        """What stands for coordinates (n, 6 or 8) in the model: adapted poses (n, 4, 4).
+
+        Those of the last call are kept: acquisition asks for the same ones twice.
+        """
+        if self._last is None or not np.array_equal(self._last[0], X):
+            self._last = (np.array(X), self._adapted(self.poses(X)))
+        return self._last[1]
 
     def features_of(self, T_object_face: Array, posture: Array) -> Array:
         """Model features (n, 12 or 14) of poses of the palm's face (n, 4, 4) and postures.
 
         `posture` (n, 0 or 2) are spread [rad] and standoff [m].
         """
-        T = T_object_face if self._adapt is None else self._adapt(T_object_face)
-        pose = pose_features(T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat())
-        return np.hstack([pose, posture])
+        return self._features_at(self._adapted(T_object_face), posture)
+
+    def _adapted(self, T_object_face: Array) -> Array:
+        return T_object_face if self._adapt is None else self._adapt(T_object_face)
+
+    def _features_at(self, T: Array, posture: Array) -> Array:
+        return np.hstack([matrix_features(T[:, :3, 3], T[:, :3, :3]), posture])
