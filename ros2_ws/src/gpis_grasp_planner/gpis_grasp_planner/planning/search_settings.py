@@ -85,7 +85,7 @@ class HppSettings(SettingsGroup):
         200, low=10, high=5000, description="Observations that the model holds at once."
     )
     noise_std_max: float = setting(
-        1.5,
+        1.0,
         low=1e-4,
         high=10.0,
         description="Upper bound of the model's noise, in standard deviations of the objective: "
