@@ -52,8 +52,8 @@ def main() -> None:
             spent = sum(v.elapsed_s for v in found)
             print(
                 f"{mesh_id}: {len(grasps)} grasps, {sum(v.held for v in found)} hold, "
-                f"{processes} processes: {wall_s:.1f} s, computing {cpu_s:.1f} s; cover {cover_s:.1f} s ({pieces} pieces); "
-                f"{spent / len(found):.2f} s a grasp, "
+                f"{processes} processes: {wall_s:.1f} s, computing {cpu_s:.1f} s; "
+                f"cover {cover_s:.1f} s ({pieces} pieces); {spent / len(found):.2f} s a grasp, "
                 f"{spent / max(directions, 1):.3f} s a direction"
             )
 
