@@ -21,6 +21,7 @@ from gpis_grasp_planner.verification.bodies import (
     fewest_vertices,
     inertia_of,
     inset,
+    link_hulls,
 )
 
 
@@ -61,7 +62,8 @@ def test_inertia_of_a_box(make_box: Callable[..., Part]) -> None:
 def test_links_are_where_kinematics_puts_them(
     hand: HandDescription, rng: np.random.Generator
 ) -> None:
-    hulls = [[inset(p, LINK_MARGIN_M) for p in pieces] for pieces in hand.link_collision]
+    hulls = link_hulls(hand)
+    assert link_hulls(hand) is hulls
     for _ in range(3):
         joints = rng.uniform(hand.joint_lower, hand.joint_upper)
         joints[1] = joints[0]

@@ -160,6 +160,15 @@ def test_processes_give_the_same_verdicts(bar: Part, hand: HandDescription, firm
     assert [v.cause for v in shared] == [v.cause for v in alone]
 
 
+def test_an_error_in_a_child_is_raised(bar: Part, hand: HandDescription, firm: Grasp) -> None:
+    short = replace(firm, joints=firm.joints[:3])
+    with pytest.raises(IndexError, match="index 3") as alone:
+        verify(bar, hand, [short, firm])
+    with pytest.raises(IndexError, match="index 3") as shared:
+        verify(bar, hand, [firm, short], processes=2)
+    assert str(shared.value) == str(alone.value)
+
+
 def test_a_part_is_prepared_once(bar: Part) -> None:
     settings = VerificationSettings()
     assert prepare(bar, settings) is prepare(bar, replace(settings, friction=0.3))

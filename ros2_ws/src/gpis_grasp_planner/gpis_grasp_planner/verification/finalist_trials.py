@@ -21,6 +21,7 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.verification.bodies import link_hulls
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.protocol import (
     PreparedPart,
@@ -106,6 +107,7 @@ class FinalistTrials:
         prepared = self._wait_for_cover(over) if len(grasps) else None
         if prepared is not None:
             n = max(1, min(self.settings.processes, usable_cores(), len(grasps)))
+            link_hulls(self.hand)  # here, so that no child needs to
             serve = partial(_serve, self.part, self.hand, prepared, grasps, cases)
             children = [ForkedChild(serve) for _ in range(n)]
             try:

@@ -26,19 +26,18 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
+from gpis_grasp_planner.verification.bodies import link_hulls
 from gpis_grasp_planner.verification.convex_cover import convex_cover
+from gpis_grasp_planner.verification.motion import PushWatch
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.start import StartFinder
-from gpis_grasp_planner.verification.trial import Motion, TrialWorld
+from gpis_grasp_planner.verification.trial import TrialWorld
 from gpis_grasp_planner.verification.workers import answer_requests, share_out
 
 Array = NDArray[np.float64]
 
 DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
 _KEPT_PARTS = 4
-_WINDOW_S = 0.1
-_EARLIEST_END_S = 0.2
-_STILL_SHARE = 0.2
 _PRESSES_N = 0.05
 _FARTHEST_BACK_M = 0.02
 
@@ -181,7 +180,7 @@ class Verifier:
             closing_slip_m=closing.slip_m,
             closing_rotation_rad=closing.rotation_rad,
         )
-        if not self.within_limits(closing):
+        if not closing.within(settings):
             cause = "lost while closing"
         elif depth > settings.penetration_limit_m:
             cause = "penetration"
@@ -206,43 +205,19 @@ class Verifier:
         return tuple(results)
 
     def _push(self, direction: Array) -> DirectionResult:
-        """One direction: to its end, to the loss of the part, or until nothing moves."""
-        world, settings = self.world, self.settings
-        before = world.part_pose()
-        acceleration = settings.acceleration_m_s2 * direction
-        elapsed, last, largest = 0.0, Motion(0.0, 0.0), Motion(0.0, 0.0)
-        while elapsed < settings.duration_s - 1e-9:
-            step = world.run(min(_WINDOW_S, settings.duration_s - elapsed), acceleration)
-            elapsed += step
-            now = world.motion_since(before)
-            largest = Motion(
-                max(largest.slip_m, now.slip_m), max(largest.rotation_rad, now.rotation_rad)
-            )
-            if not self.within_limits(now):
-                break
-            windows_left = (settings.duration_s - elapsed) / step
-            later = Motion(
-                largest.slip_m + 2.0 * windows_left * abs(now.slip_m - last.slip_m),
-                largest.rotation_rad
-                + 2.0 * windows_left * abs(now.rotation_rad - last.rotation_rad),
-            )
-            last = now
-            if elapsed >= _EARLIEST_END_S and self.within_limits(later, _STILL_SHARE):
-                largest = later
-                break
+        """One direction: to its end, to the loss of the part, or until it is seen to stay."""
+        before = self.world.part_pose()
+        acceleration = self.settings.acceleration_m_s2 * direction
+        watch = PushWatch(self.settings)
+        while not watch.over:
+            step_s = self.world.run(watch.next_s, acceleration)
+            watch.see(step_s, self.world.motion_since(before))
         return DirectionResult(
             (float(direction[0]), float(direction[1]), float(direction[2])),
-            self.within_limits(largest),
-            largest.slip_m,
-            largest.rotation_rad,
-            elapsed,
-        )
-
-    def within_limits(self, motion: Motion, share: float = 1.0) -> bool:
-        """Whether a motion is below (a share of) the protocol's limits; not if it is not finite."""
-        return bool(
-            motion.slip_m < share * self.settings.slip_limit_m
-            and motion.rotation_rad < share * np.radians(self.settings.rotation_limit_deg)
+            watch.held,
+            watch.largest.slip_m,
+            watch.largest.rotation_rad,
+            watch.elapsed_s,
         )
 
     def _group(self, link: int) -> str:
@@ -312,6 +287,7 @@ def verify(
     moves = list(displacements) if displacements is not None else [None] * len(grasps)
     prepared = prepare(part, settings)
     make = partial(Verifier, part, hand, settings, prepared, stop_at_failure)
+    link_hulls(hand)  # here, so that no child needs to
     if min(processes, len(grasps)) <= 1:
         with make() as verifier:
             return [_one(verifier, g, move) for g, move in zip(grasps, moves, strict=True)]

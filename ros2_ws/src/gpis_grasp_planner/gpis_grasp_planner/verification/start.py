@@ -47,7 +47,7 @@ class StartFinder:
         for link in links:
             rows = slice(self.points.offsets[link], self.points.offsets[link + 1])
             points = self.points.points[rows]
-            placed = np.einsum("bij,kj->bki", poses[:, link, :3, :3], points)
+            placed = points @ poses[:, link, :3, :3].transpose(0, 2, 1)
             placed += poses[:, link, None, :3, 3]
             distances = self.field.value(apply(T_object_palm, placed.reshape(-1, 3)))
             smallest = np.minimum(smallest, distances.reshape(len(poses), -1).min(axis=1))

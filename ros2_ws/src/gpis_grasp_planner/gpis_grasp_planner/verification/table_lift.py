@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.verification.motion import NO_MOTION, Motion
 from gpis_grasp_planner.verification.protocol import Verifier
-from gpis_grasp_planner.verification.trial import Motion
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def verify_lift(verifier: Verifier, grasp: Grasp, up_in_part: Array) -> LiftResu
     world.release()
     before = world.part_pose()
     up = grasp.T_object_palm[:3, :3].T @ np.asarray(up_in_part, dtype=float)
-    largest, simulated = Motion(0.0, 0.0), 0.0
+    largest, simulated = NO_MOTION, 0.0
     cause = ""
     for acceleration in lift_accelerations(up, settings.lift_m, settings.shake_m):
         simulated += world.run(_INTERVAL_S, acceleration)
@@ -90,7 +90,7 @@ def verify_lift(verifier: Verifier, grasp: Grasp, up_in_part: Array) -> LiftResu
         largest = Motion(
             max(largest.slip_m, now.slip_m), max(largest.rotation_rad, now.rotation_rad)
         )
-        if not verifier.within_limits(now):
+        if not now.within(settings):
             cause = "slipped"
             break
     return LiftResult(

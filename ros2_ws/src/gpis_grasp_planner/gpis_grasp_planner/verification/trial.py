@@ -27,15 +27,15 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import bullet_client
 from gpis_grasp_planner.verification.bodies import (
-    LINK_MARGIN_M,
     HandBodies,
     add_hand,
     add_object,
     inertia_of,
-    inset,
+    link_hulls,
     set_mass,
 )
 from gpis_grasp_planner.verification.drive import FingerDrive, Phase
+from gpis_grasp_planner.verification.motion import Motion
 
 Array = NDArray[np.float64]
 
@@ -51,14 +51,6 @@ _FRICTION_ERP = 0.8
 # Bullet looks for contacts this far ahead; its default of 20 mm costs, and no link moves by more
 # than a fifth of this in a step.
 _CONTACT_RANGE_M = 1e-3
-
-
-@dataclass(frozen=True)
-class Motion:
-    """How far the object went relative to the palm."""
-
-    slip_m: float
-    rotation_rad: float
 
 
 @dataclass(frozen=True)
@@ -102,9 +94,7 @@ class TrialWorld:
     ):
         self.hand, self.part, self.settings = hand, part, settings
         self._pieces = pieces
-        self._hulls = [
-            [inset(piece, LINK_MARGIN_M) for piece in pieces] for pieces in hand.link_collision
-        ]
+        self._hulls = link_hulls(hand)
         self._moments, axes = inertia_of(part)
         self._T_part_body = transform(axes, part.center_of_mass)
         self._bodies: HandBodies | None = None
