@@ -1,8 +1,9 @@
 """How far a part went in the hand, and when the rest of a push is known.
 
 A part that is held comes to rest a tenth of a second after a push began; most of the two seconds
-would show a part at rest. So a push is watched in windows, and ends once what the part drifts in a
-window, taken twice and for all the time that is left, is a small share of the limits.
+would show a part at rest. So a push is watched in windows, and ends once the part has hardly moved
+and what it drifts in a window, taken twice and for all the time that is left, does not change that.
+A part that has come further before it rests may break away again: it has to rest for longer.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ _WINDOW_S = 0.05
 _EARLIEST_END_S = 0.1
 _STILL_SHARE = 0.1
 _CAUTION = 2.0
+_MOVED_REST_WINDOWS = 6
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class PushWatch:
 
     def __init__(self, settings: VerificationSettings):
         self._settings = settings
-        self._last = NO_MOTION
+        self._seen = [NO_MOTION]
         self.largest = NO_MOTION
         self.elapsed_s = 0.0
         self.over, self.held = False, True
@@ -69,19 +71,29 @@ class PushWatch:
         largest = Motion(
             max(self.largest.slip_m, now.slip_m), max(self.largest.rotation_rad, now.rotation_rad)
         )
-        left_s = self._settings.duration_s - self.elapsed_s
-        windows = _CAUTION * left_s / step_s
-        ahead = Motion(
-            windows * abs(now.slip_m - self._last.slip_m),
-            windows * abs(now.rotation_rad - self._last.rotation_rad),
-        )
-        self.largest, self._last = largest, now
+        self.largest = largest
+        self._seen.append(now)
         self.held = now.within(self._settings)
+        left_s = self._settings.duration_s - self.elapsed_s
         if not self.held or left_s < 1e-9:
             self.over = True
-        elif self.elapsed_s >= _EARLIEST_END_S and ahead.within(self._settings, _STILL_SHARE):
+        elif self.elapsed_s >= _EARLIEST_END_S:
+            self._end_if_known(left_s / step_s)
+
+    def _end_if_known(self, windows_left: float) -> None:
+        """End the push if the part has hardly moved, or has moved and then rested for long."""
+        for rest, share in ((1, _STILL_SHARE), (_MOVED_REST_WINDOWS, 1.0)):
+            if len(self._seen) <= rest:
+                continue
+            slips = [motion.slip_m for motion in self._seen[-1 - rest :]]
+            turns = [motion.rotation_rad for motion in self._seen[-1 - rest :]]
+            windows = _CAUTION * windows_left / rest
+            slip_m = windows * (max(slips) - min(slips))
+            rotation_rad = windows * (max(turns) - min(turns))
             expected = Motion(
-                largest.slip_m + ahead.slip_m, largest.rotation_rad + ahead.rotation_rad
+                self.largest.slip_m + slip_m, self.largest.rotation_rad + rotation_rad
             )
-            if expected.within(self._settings):
+            still = Motion(slip_m, rotation_rad).within(self._settings, _STILL_SHARE)
+            if still and expected.within(self._settings, share):
                 self.largest, self.over = expected, True
+                return
