@@ -109,7 +109,7 @@ class HppSettings(SettingsGroup):
         "the seeds of the local adaption draw them.",
     )
     volume_weight: float = setting(
-        1.0, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
+        0.5, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
     )
     palm_clearance_m: float = setting(
         0.12,
