@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pytest
@@ -165,6 +167,29 @@ def test_a_hand_wholly_inside_a_closed_mesh_is_blocked(planner):
         planner.hand, random_hands(planner.hand, 5, np.random.default_rng(6)), around, SETTINGS
     ):
         assert (clearance.cause, clearance.distance_m) == (Cause.PALM, 0.0)
+
+
+@pytest.mark.parametrize("body", ["plane", "box", "mesh"])
+def test_a_clearance_does_not_depend_on_the_batch(planner, body):
+    """Neither near nor beyond twice the margin, where distances are bounds."""
+    rng = np.random.default_rng(9)
+    grasps = random_hands(planner.hand, 40, rng)
+    short = [  # closed almost: their own moves are few
+        replace(g, pregrasp_joints=g.pregrasp_joints + share * (g.joints - g.pregrasp_joints))
+        for g, share in zip(grasps, rng.uniform(0.8, 1.0, 40), strict=True)
+    ]
+    solid = trimesh.creation.icosphere(subdivisions=2, radius=0.08)
+    mesh = TriangleMesh(np.array(solid.vertices), np.array(solid.faces, np.int32))
+    around = {
+        "plane": Surroundings(SupportPlane(np.array([0.0, 0.0, -0.2]), np.array([0.0, 0.0, 1.0]))),
+        "box": Surroundings(None, (BoxObstacle(np.eye(4), np.array([0.1, 0.2, 0.1])),)),
+        "mesh": Surroundings(None, (MeshObstacle(np.eye(4), mesh),)),
+    }[body]
+    together = clear_grasps(planner.hand, [*grasps, *short], around, SETTINGS)
+    for grasp, found in zip([*grasps, *short], together, strict=True):
+        [alone] = clear_grasps(planner.hand, [grasp], around, SETTINGS)
+        assert (found.cause, found.nearest) == (alone.cause, alone.nearest)
+        assert found.distance_m == pytest.approx(alone.distance_m, abs=1e-12)
 
 
 def test_verdicts_do_not_depend_on_the_frame(planner):

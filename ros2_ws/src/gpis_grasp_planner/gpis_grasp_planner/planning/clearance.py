@@ -12,7 +12,7 @@ balls about its and the hand's pieces can reach costs next to nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
 
@@ -82,6 +82,7 @@ class _Phase:
     piece: Index  # (K,)
     T_0: Array
     T_1: Array
+    made: NDArray[np.bool_]  # (B, K), the others are no moves but rest
     bow: Array  # (B,)
     middle: Array  # (K, 3), of balls about the pieces, in their links' frames
 
@@ -155,27 +156,30 @@ def _phases(pieces: HandPieces, motions: HandMotions) -> list[_Phase]:
     palm, fingers = np.flatnonzero(~pieces.finger), np.flatnonzero(pieces.finger)
     moving = np.flatnonzero(pieces.moving)
     moves = T.shape[1] - 1
+    made = np.arange(moves) < motions.moves[:, None]
     closed, opened = T[:, -1], T[:, 0]
     start = shifted(opened, motions.back)
 
-    def phase(cause: Cause, members: Index, T_0: Array, T_1: Array, bow: Array = zero) -> _Phase:
-        return _Phase(cause, members, T_0, T_1, bow, _balls(pieces)[0][members])
+    def phase(cause: Cause, members: Index, T_0: Array, T_1: Array) -> _Phase:
+        always = np.ones(T_0.shape[:2], dtype=bool)
+        return _Phase(cause, members, T_0, T_1, always, zero, _balls(pieces)[0][members])
 
     def still(cause: Cause, poses: Array, members: Index) -> _Phase:
         at = poses[:, pieces.link[members]]
         return phase(cause, members, at, at)
 
+    closing = phase(
+        Cause.CLOSING,
+        np.tile(moving, moves),
+        T[:, :-1, pieces.link[moving]].reshape(len(T), -1, 4, 4),
+        T[:, 1:, pieces.link[moving]].reshape(len(T), -1, 4, 4),
+    )
+
     return [
         still(Cause.PALM, closed, palm),
         still(Cause.FINGER, closed, fingers),
         still(Cause.PREGRASP, opened, fingers),
-        phase(
-            Cause.CLOSING,
-            np.tile(moving, moves),
-            T[:, :-1, pieces.link[moving]].reshape(len(T), -1, 4, 4),
-            T[:, 1:, pieces.link[moving]].reshape(len(T), -1, 4, 4),
-            motions.bow,
-        ),
+        replace(closing, made=np.repeat(made, len(moving), axis=1), bow=motions.bow),
         phase(Cause.APPROACH, everything, start[:, pieces.link], opened[:, pieces.link]),
     ]
 
@@ -197,21 +201,21 @@ def _phase_distance(
         )
         return np.asarray(height - phase.bow[rows])
     # beyond twice the margin a lower bound does; the bow must not take it below the margin
-    limit = 2.0 * margin + float(phase.bow.max()) + 1e-6
-    bound = _lower_bound(pieces, phase, rows, body)
-    row, member = np.nonzero(bound <= limit)
+    limit = 2.0 * margin + phase.bow[rows] + 1e-6
+    bound = np.where(phase.made[rows], _lower_bound(pieces, phase, rows, body), np.inf)
+    row, member = np.nonzero(bound <= limit[:, None])
     T_body_object = inverse(body.pose)
     first, last = (np.ascontiguousarray(T_body_object @ T[row, member]) for T in (T_0, T_1))
     which = phase.piece[member]
     distance = np.empty(len(row))
     if isinstance(body, BoxObstacle):
         sweeps_to_polytope(
-            pieces.vertices, pieces.start, which, first, last, limit, body.corners, distance
+            pieces.vertices, pieces.start, which, first, last, limit[row], body.corners, distance
         )
     else:
         tree = body.tree
         sweeps_to_mesh(
-            pieces.vertices, pieces.start, which, first, last, limit,
+            pieces.vertices, pieces.start, which, first, last, limit[row],
             tree.triangles, tree.lower, tree.upper, tree.child, distance,
         )  # fmt: skip
     bound[row, member] = distance

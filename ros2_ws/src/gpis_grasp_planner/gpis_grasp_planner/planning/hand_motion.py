@@ -76,7 +76,10 @@ class HandMotions:
     Attributes
     ----------
     T : (B, S, L, 4, 4) array
-        Poses of the links; sample 0 is the pre-grasp, the last the closed hand.
+        Poses of the links; sample 0 is the pre-grasp, the last the closed hand. Each finger has
+        samples of its own, so one between is no moment in time.
+    moves : (B,) int array
+        Moves of the closing; a hand that needs fewer than S - 1 is at rest in the others.
     back : (B, 3) array [m]
         From the pre-grasp's place to where the approach begins.
     bow : (B,) array [m]
@@ -84,6 +87,7 @@ class HandMotions:
     """
 
     T: Array
+    moves: Index
     back: Array
     bow: Array
 
@@ -98,14 +102,16 @@ def hand_motions(
     """Motions to B grasps: palms (B, 4, 4), postures (B, J) [rad], `back` (B, 3) [m].
 
     The fingers follow the drive's law from the pre-grasp: with the coupling up to the closed
-    inner angle, then the distal link alone. Some 0.2 ms a grasp in batches.
+    inner angle, then the distal link alone. A grasp's moves are its own: a batch only appends rest
+    at the closed hand. Some 0.1 ms a grasp in batches.
     """
-    path, steps = _closing_path(hand, pregrasp_joints, joints)
+    path, moves, steps = _closing_path(hand, pregrasp_joints, joints)
     n, samples = path.shape[:2]
     T_palm_link = link_transforms(hand, path.reshape(n * samples, -1))
     T = T_object_palm[:, None, None] @ T_palm_link.reshape(n, samples, hand.n_links, 4, 4)
     # a chord of a curve with acceleration a misses it by a step^2 / 8 at most
-    return HandMotions(T, np.asarray(back, dtype=float), _acceleration(hand) * steps**2 / 8.0)
+    bow = _acceleration(hand) * steps**2 / 8.0
+    return HandMotions(T, moves, np.asarray(back, dtype=float), bow)
 
 
 def motions_of(hand: HandDescription, grasps: Sequence[Grasp]) -> HandMotions:
@@ -124,8 +130,12 @@ def shifted(T: Array, move: Array) -> Array:
     return transform(T[..., :3, :3], T[..., :3, 3] + move[:, None])
 
 
-def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Array, Array]:
-    """Joints (B, S, J) from start to end (B, J), and the largest step (B,) of a finger's motor."""
+def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Array, Index, Array]:
+    """Joints (B, S, J) from start to end (B, J), number of moves (B,), largest motor step (B,).
+
+    Each finger divides the way to its breakaway and the one after it by itself, whatever the others
+    and the rest of the batch do. Whoever has arrived waits at the end.
+    """
     _, m_start = motors_from_joints(hand, start)
     spread, m_end = motors_from_joints(hand, end)
     inner = end[:, [finger.inner_joint for finger in hand.fingers]]
@@ -133,15 +143,16 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
     broken = (m_end - inner) * (1.0 + ratio) > _BROKEN_AWAY_RAD
     stop = np.where(broken, inner, np.inf)
     kink = np.clip(np.where(broken, inner, m_end), np.minimum(m_start, m_end), m_end)
-    first, second = np.abs(kink - m_start), np.abs(m_end - kink)
-    n_1, n_2 = (max(1, int(np.ceil(leg.max() / _STEP_RAD))) for leg in (first, second))
-    s_1, s_2 = np.linspace(0.0, 1.0, n_1 + 1), np.linspace(0.0, 1.0, n_2 + 1)[1:]
-    motors = np.concatenate(
-        [
-            m_start[:, None] + s_1[:, None] * (kink - m_start)[:, None],
-            kink[:, None] + s_2[:, None] * (m_end - kink)[:, None],
-        ],
-        axis=1,
+    first, second = kink - m_start, m_end - kink
+    n_1, n_2 = np.ceil(np.abs(first) / _STEP_RAD), np.ceil(np.abs(second) / _STEP_RAD)
+    whole_1, whole_2 = np.maximum(n_1, 1.0), np.maximum(n_2, 1.0)
+    moves = np.maximum((n_1 + n_2).max(axis=1), 1.0)
+    sample = np.arange(moves.max() + 1.0)
+    at = sample[:, None]
+    motors = (
+        m_start[:, None]
+        + np.clip(at / whole_1[:, None], 0.0, 1.0) * first[:, None]
+        + np.clip((at - n_1[:, None]) / whole_2[:, None], 0.0, 1.0) * second[:, None]
     )
     n, samples = motors.shape[:2]
     path = joints_from_motors(
@@ -151,9 +162,9 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
         np.repeat(stop, samples, axis=0),
     ).reshape(n, samples, -1)
     path[:, 0] = start
-    path[:, -1] = end
-    steps = np.maximum(first.max(axis=1) / n_1, second.max(axis=1) / n_2)
-    return path, steps
+    path = np.where((sample >= moves[:, None])[..., None], end[:, None], path)
+    steps = np.maximum(np.abs(first) / whole_1, np.abs(second) / whole_2)
+    return path, moves.astype(np.int64), steps.max(axis=1)
 
 
 @lru_cache(maxsize=8)

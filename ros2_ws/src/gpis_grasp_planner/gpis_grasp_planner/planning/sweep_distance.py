@@ -37,7 +37,7 @@ def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance)
     piece : (M,) int array
     T_0, T_1 : (M, 4, 4) arrays
         Poses of the pieces' links at both ends, in the frame of `other`.
-    limit : float [m]
+    limit : (M,) array [m]
     other : (m, 3) array
     distance : (M,) array, out
         0 where they overlap; a lower bound where it is more than `limit`.
@@ -51,7 +51,7 @@ def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance)
         n = _sweep(vertices, first, last, T_0[k], T_1[k], work)
         for a in range(3):
             direction[a] = np.mean(work[:n, a]) - np.mean(other[:, a])
-        distance[k] = polytope_distance(work[:n], other, limit, direction, p, q)
+        distance[k] = polytope_distance(work[:n], other, limit[k], direction, p, q)
 
 
 @njit(cache=True, nogil=True)
@@ -82,5 +82,5 @@ def sweeps_to_mesh(  # type: ignore[no-untyped-def]
                 low[a] = min(low[a], x)
                 high[a] = max(high[a], x)
         distance[k] = polytope_mesh(
-            work[:n], R, t, low, high, limit, -1, triangles, lower, upper, child
+            work[:n], R, t, low, high, limit[k], -1, triangles, lower, upper, child
         )
