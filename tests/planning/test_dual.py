@@ -16,23 +16,24 @@ def stages(monkeypatch):
     """Attempts of the two stages, in order: list of (stage, Attempts)."""
     record = []
 
-    def watch(cls, stage):
-        step = cls.step
+    def watch(cls, name, stage):
+        watched = getattr(cls, name)
 
-        def watched(self):
+        def watch_archive(self, *args):
             add = self._context.archive.add
             object.__setattr__(
                 self._context.archive,
                 "add",
                 lambda attempts: record.append((stage, attempts)) or add(attempts),
             )
-            step(self)
+            result = watched(self, *args)
             object.__delattr__(self._context.archive, "add")
+            return result
 
-        monkeypatch.setattr(cls, "step", watched)
+        monkeypatch.setattr(cls, name, watch_archive)
 
-    watch(PalmPoseOptimiser, 1)
-    watch(ContactRefinement, 2)
+    watch(PalmPoseOptimiser, "propose", 1)
+    watch(ContactRefinement, "step", 2)
     return record
 
 

@@ -4,30 +4,33 @@ The paper's second stage (`admm_cp_opt`) optimises the finger joints with the pa
 has to bring the contacts back onto the surface by a penalty. Closing the hand does that by
 construction: with the palm and the spread given, AutoGrasp and the drive's coupling leave one
 posture, whose contacts lie on the surface exactly. What is free is where the palm lies and how
-the fingers are spread, and that is searched here: every distinct grasp found so far is moved a
-little (along its chart, across it, about all axes, in spread), closed anew, and kept where it
-improved. Step sizes are drawn from a wide range instead of being adapted, since a grasp's quality
-jumps when a contact appears or goes.
+the fingers are spread, and that is searched here, in three ways that take turns:
 
-One step tries `samples` neighbours of one grasp, some 10 to 30 ms.
+- the distinct grasps found so far, moved a little and closed anew (`list_refinement`);
+- grasps of the first stage that are not among them, most of them given up early
+  (`start_tournament`);
+- images of the best under the symmetries that the part nearly has (`grasp_images`).
+
+One step tries some `samples` grasps, 10 to 30 ms.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
-from gpis_grasp_planner.geometry.transforms import inverse, transform
-from gpis_grasp_planner.planning.ranking import Candidate
+from gpis_grasp_planner.planning.evaluator import Attempts
+from gpis_grasp_planner.planning.grasp_images import GraspImages
+from gpis_grasp_planner.planning.list_refinement import ListRefinement
+from gpis_grasp_planner.planning.neighbourhood import Neighbourhood
+from gpis_grasp_planner.planning.start_tournament import StartTournament
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.planning.context import PlanningContext
 
 
 class ContactRefinement:
-    """Round-robin direct search over the archive's distinct grasps.
+    """Turns of the three searches, by their shares.
 
     Parameters
     ----------
@@ -37,41 +40,39 @@ class ContactRefinement:
 
     def __init__(self, context: PlanningContext):
         self._context = context
-        self.settings = context.settings.refinement
-        self._queue: list[Candidate] = []
+        s = context.settings.refinement
+        neighbourhood = Neighbourhood(context)
+        self._tournament = StartTournament(context, neighbourhood)
+        listed = 1.0 - s.tournament_share - s.image_share
+        self._turns: list[tuple[float, Callable[[], bool]]] = [
+            (listed, ListRefinement(context, neighbourhood).step),
+            (s.tournament_share, self._tournament.step),
+            (s.image_share, GraspImages(context).step),
+        ]
+        self._taken = [0] * len(self._turns)
 
     @property
     def ready(self) -> bool:
         """Whether there is anything to refine."""
         return len(self._context.archive) > 0
 
-    def step(self) -> None:
-        """Try neighbours of the next grasp; does nothing while the archive is empty."""
-        if not self._queue:
-            self._queue = self._context.archive.best(self.settings.n_grasps)[::-1]
-        if not self._queue:
-            return
-        c = self._context
-        T, spread = self._neighbours(self._queue.pop(), c.rng)
-        c.archive.add(c.evaluator.attempt(T, spread))
+    def consider(self, attempts: Attempts) -> None:
+        """Take attempts of the first stage as possible starts."""
+        self._tournament.consider(attempts)
 
-    def _neighbours(
-        self, candidate: Candidate, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
-        s = self.settings
-        n = s.samples
-        scale = np.exp(rng.uniform(np.log(s.step_min), 0.0, n))
-        shift = s.step_translation_m * scale[:, None] * rng.standard_normal((n, 3))
-        turn = np.deg2rad(s.step_rotation_deg) * scale[:, None] * rng.standard_normal((n, 3))
-        widen = np.deg2rad(s.step_spread_deg) * scale * rng.standard_normal(n)
-        # In a third of the tries each, only the place on the chart or only the posture moves.
-        what = rng.integers(3, size=n)
-        turn[what == 1] = 0.0
-        shift[what == 2] = 0.0
-        T_palm_moved = transform(Rotation.from_rotvec(turn).as_matrix(), shift)
-        # The turn is about the palm's face, where the object is, not about the flange.
-        T_face = self._context.T_palm_face
-        T_face_palm = inverse(T_face)
-        T = candidate.T_object_palm @ T_face @ T_palm_moved @ T_face_palm
-        limit = np.deg2rad(self._context.settings.adaption.spread_max_deg)
-        return T, np.clip(candidate.spread + widen, 0.0, limit)
+    def step(self) -> None:
+        """One turn of the search that is farthest behind; does nothing while there is no grasp.
+
+        A search that has nothing to do forgoes its turn.
+        """
+        if not self.ready:
+            return
+        behind = [
+            ((taken + 1) / share, k)
+            for k, (taken, (share, _)) in enumerate(zip(self._taken, self._turns, strict=True))
+            if share > 0.0
+        ]
+        for _, k in sorted(behind):
+            self._taken[k] += 1
+            if self._turns[k][1]():
+                return

@@ -2,8 +2,8 @@
 
 Two forms:
 
-- `DualOptimiser` (planner "dual"): HPP-Opt and the contact refinement share the time, the
-  refinement over all distinct grasps found so far. This is the default.
+- `DualOptimiser` (planner "dual"): HPP-Opt and the contact refinement share the time. Whatever
+  the first stage finds may be refined. This is the default.
 - `PaperDualOptimiser` in `paper_dual` (planner "paper"): Alg. 4 as printed, with ADMM-CP-Opt after
   every proposal.
 
@@ -32,6 +32,7 @@ class DualOptimiser:
     def __init__(self, context: PlanningContext):
         self._evaluator = context.evaluator
         self._share = context.settings.dual.second_stage_share
+        self._batch = context.settings.hpp.batch
         self._first = PalmPoseOptimiser(context)
         self._second = ContactRefinement(context)
         self._attempts = [0, 0]
@@ -47,5 +48,10 @@ class DualOptimiser:
         behind = second * (1.0 - self._share) < first * self._share
         turn = 1 if self._first.finished or (self._second.ready and behind) else 0
         before = self._evaluator.n_attempts
-        (self._first, self._second)[turn].step()
+        if turn:
+            self._second.step()
+        else:
+            proposals = self._first.propose(self._batch)
+            self._first.tell(proposals)
+            self._second.consider(proposals.attempts)
         self._attempts[turn] += self._evaluator.n_attempts - before

@@ -141,6 +141,37 @@ class RefinementSettings(SettingsGroup):
     step_spread_deg: float = setting(
         25.0, low=0.0, high=180.0, description="Largest standard deviation of the spread."
     )
+    tournament_share: float = setting(
+        0.38,
+        low=0.0,
+        high=0.5,
+        description="Share of the turns that first-stage grasps get which are not among the best.",
+    )
+    tournament_ratio: int = setting(
+        2,
+        low=2,
+        high=10,
+        description="One start in this many goes on, for this many times as long.",
+    )
+    tournament_rungs: int = setting(
+        6, low=1, high=12, description="How often a start can go on, plus one."
+    )
+    tournament_apart: float = setting(
+        1.5, low=0.0, high=10.0, description="How far starts are apart, in largest steps."
+    )
+    image_share: float = setting(
+        0.25,
+        low=0.0,
+        high=0.5,
+        description="Share of the turns for images of the best under the part's near symmetries.",
+    )
+    image_tolerance: float = setting(
+        0.06,
+        low=0.0,
+        high=0.5,
+        description="Mean distance of a part from its image up to which it counts as a symmetry, "
+        "over the largest radius.",
+    )
 
 
 @dataclass(frozen=True)
@@ -148,7 +179,7 @@ class DualSettings(SettingsGroup):
     """How the two stages share the budget."""
 
     second_stage_share: float = setting(
-        0.6,
+        0.7,
         low=0.0,
         high=0.95,
         description="Share of the attempts that the second stage gets once there is a grasp.",

@@ -1,0 +1,50 @@
+"""The hand's plane of symmetry, if it has one.
+
+A hand that is its own mirror image grasps the mirror image of a place as it grasps the place.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.kinematics import link_transforms
+
+_POSTURE_RAD = {"spread": 0.5, "inner": 0.7, "distal": 0.4}
+_TOLERANCE_M = 1e-3
+
+
+@lru_cache(maxsize=8)
+def hand_mirror(hand: HandDescription) -> NDArray[np.float64] | None:
+    """Reflection of the palm frame (4, 4) that maps the hand's fingers onto each other.
+
+    Tried are the frame's planes through its z axis, on the corners of the fingers' collision
+    shapes at one general posture with all fingers closed alike, to 1 mm. The reflected hand has
+    the same spread and the same finger angles, some fingers exchanged. None if neither fits.
+    Some ms, once per hand.
+    """
+    joints = np.zeros((1, hand.n_joints))
+    for finger in hand.fingers:
+        joints[0, finger.inner_joint] = _POSTURE_RAD["inner"]
+        joints[0, finger.distal_joint] = _POSTURE_RAD["distal"]
+        if finger.spread_joint >= 0:
+            joints[0, finger.spread_joint] = _POSTURE_RAD["spread"]
+    T_palm_link = link_transforms(hand, joints)[0]
+    corners = np.concatenate(
+        [
+            np.asarray(piece.vertices) @ T_palm_link[link, :3, :3].T + T_palm_link[link, :3, 3]
+            for link in {i for f in hand.fingers for i in (f.inner_link, f.distal_link)}
+            for piece in hand.link_collision[link]
+        ]
+    )
+    tree = cKDTree(corners)
+    for axis in range(2):
+        reflection = np.eye(4)
+        reflection[axis, axis] = -1.0
+        if np.max(tree.query(corners @ reflection[:3, :3])[0]) < _TOLERANCE_M:
+            return reflection
+    return None
