@@ -125,19 +125,26 @@ def test_the_pool_stays_within_bounds(tournament, oracle):
     assert_allclose(np.sort(it._objective)[-4:], 0.5)
 
 
-def test_it_finds_what_the_list_would_not(tournament):
-    """A poor start on the slope of the best hill, among a hundred better ones that lead nowhere."""
+def test_it_finds_the_one_start_that_leads_somewhere(tournament):
+    """On the slope of a hill, a little less good than a hundred others that lead nowhere."""
     places = along_x(101)
     epsilon = np.full(101, 0.05)
-    epsilon[60] = 0.01
+    epsilon[60] = 0.04
 
     def figures(T, spread):
         offset = T[:, :3, 3] - [60.0, 0.05, 0.0]
         hill = 0.5 - 8.0 * np.linalg.norm(offset, axis=1)
         return np.where(hill > 0.0, hill, 0.05)
 
-    it, context = tournament(places, epsilon, figures=figures)
-    for _ in range(600):
-        it.step()
-    assert context.archive.best_epsilon > 0.4
-    assert context.archive.best(1)[0].T_object_palm[0, 3] == pytest.approx(60.0, abs=0.02)
+    found = []
+    for seed in range(10):
+        it, context = tournament(places, epsilon, figures=figures, seed=seed)
+        while it.step():
+            pass
+        found.append(context.archive.best_epsilon)
+        assert len(context.evaluator.attempts) < 101 * 4
+        if found[-1] > 0.4:
+            best = context.archive.best(1)[0]
+            assert best.T_object_palm[0, 3] == pytest.approx(60.0, abs=0.02)
+    # Who is drawn among the last ones finds the rungs full.
+    assert np.sum(np.array(found) > 0.4) >= 7

@@ -7,7 +7,9 @@ a new one is begun. The early value of a start need not tell much of its last on
 half of a rung hardly ever holds the best is enough.
 
 Source: L. Li et al., "A System for Massively Parallel Hyperparameter Tuning" (ASHA), MLSys 2020,
-Algorithm 2, for one worker and with values that are maximised.
+Algorithm 2, for one worker and with values that are maximised. There a start goes on whenever it is
+among the better part, and late good ones make the upper rungs fuller than their share; here a rung
+is never given more than one in `ratio` of the one below, and the best of those that wait goes next.
 """
 
 from __future__ import annotations
@@ -43,8 +45,10 @@ class SuccessiveHalving:
         """
         for rung in range(len(self._values) - 2, -1, -1):
             values, promoted = self._values[rung], self._promoted[rung]
-            best_first = sorted(values, key=lambda start: -values[start])
-            for start in best_first[: len(values) // self._ratio]:
+            due = len(values) // self._ratio
+            if len(promoted) >= due:
+                continue
+            for start in sorted(values, key=lambda start: -values[start])[:due]:
                 if start not in promoted:
                     promoted.add(start)
                     return start, rung + 1
