@@ -103,6 +103,21 @@ def test_nobody_starts_near_where_another_one_did(tournament):
     assert not it.step()
 
 
+def test_a_pool_of_taken_places_does_not_hold_up_a_step(tournament):
+    places = np.concatenate([np.zeros((1000, 3)), [[1.0, 0.0, 0.0]]])
+    it, context = tournament(
+        places, np.full(1001, 0.1), figures=lambda T, s: np.full(len(T), -1.0), samples=1
+    )
+    assert it.step()
+    before, idle = len(it._objective), 0
+    while it.n_starts < 2:
+        idle += not it.step()
+        assert len(it._objective) >= before - 30 * (idle + 1)
+        assert idle < 40
+    assert idle > 1
+    assert 1.0 in np.round([P[0, 0, 3] for P, _ in context.evaluator.attempts])
+
+
 def test_good_grasps_start_sooner(tournament):
     """Chance is proportional to the objective: 0.3 against 0.1, over 200 draws of the first."""
     first = []

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _POOL = 3000
+_DRAWS = 30
 
 
 @dataclass
@@ -102,8 +103,12 @@ class StartTournament:
         return self._now is not None
 
     def _begin(self) -> tuple[int, int] | None:
-        """Draw a start; whatever lies near one that was begun leaves the pool on the way."""
-        while n := len(self._objective):
+        """Draw a start; whatever lies near one that was begun leaves the pool on the way.
+
+        None, too, where all of a number of draws did: a step shall stay short, and others wait.
+        """
+        for _ in range(min(_DRAWS, len(self._objective))):
+            n = len(self._objective)
             k = int(self._rng.choice(n, p=self._objective / self._objective.sum()))
             T, spread, objective = self._T[k], float(self._spread[k]), float(self._objective[k])
             self._keep(np.delete(np.arange(n), k))
