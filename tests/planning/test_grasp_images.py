@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from gpis_grasp_planner.hand.mirror import hand_mirror
 from gpis_grasp_planner.planning import grasp_images
 from gpis_grasp_planner.planning.evaluator import AttemptStatus
 from gpis_grasp_planner.planning.grasp_images import GraspImages
@@ -130,8 +129,3 @@ def test_no_tolerance_no_images(bar, make_context):
     settings = PlannerSettings.from_mapping({"refinement": {"image_tolerance": 0.0}})
     images = GraspImages(make_context(bar, settings=settings))
     assert not images.step()
-
-
-def test_the_reflected_palm_is_a_proper_pose(grasped):
-    mirror = hand_mirror(grasped.hand)
-    assert np.linalg.det(mirror[:3, :3]) == -1.0
