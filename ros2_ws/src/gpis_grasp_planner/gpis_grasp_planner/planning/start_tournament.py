@@ -1,8 +1,8 @@
 """First-stage grasps that are not among the best, refined by successive halving.
 
-How good a grasp is where the first stage found it says little of how good it gets: three
-fingertips that hardly hold may lie two millimetres beside the best grasp of the part, while the
-hand that is pressed flat onto a face is where it ends. Refining the best only, such a grasp has
+How good a grasp is where the first stage found it does not say how good it gets: fingertips that
+hardly hold may lie beside one of the best grasps of the part, while the hand that is pressed flat
+onto a face is where it ends. Refining the best only, such a grasp has
 to be found by luck. So any grasp of the first stage may start: one turn each, the better half of
 them two, the better half of those four, and so on.
 
