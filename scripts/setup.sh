@@ -93,7 +93,7 @@ console_scripts() {
 }
 
 warm_up() {
-    "$venv/bin/python" -m gpis_grasp_planner.scene.warm_up
+    "$venv/bin/python" -m gpis_grasp_planner.plan.warm_up
 }
 
 stage virtual_environment "$(key scripts/system_packages.sh)" virtual_environment
@@ -102,7 +102,7 @@ stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*
     "$planner"/gpis_grasp_planner/hand/models)" workspace
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
 # Numba keeps compiled functions in a folder for this very state of the sources.
-if [ -f "$planner/gpis_grasp_planner/scene/warm_up.py" ]; then
+if [ -f "$planner/gpis_grasp_planner/plan/warm_up.py" ]; then
     stage warm_up "$(find "$planner" -name '*.py' -exec grep -li numba {} + | xargs sha256sum | sha256sum)" \
         warm_up
 fi

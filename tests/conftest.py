@@ -15,6 +15,8 @@ import hypothesis
 import numpy as np
 import pytest
 
+pytest_plugins = ["planning_fixtures"]
+
 # Examples are the same on every run and machine, and slow machines are no failures.
 hypothesis.settings.register_profile("workspace", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("workspace")

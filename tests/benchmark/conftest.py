@@ -9,7 +9,7 @@ import pytest
 
 from gpis_grasp_planner.benchmark.runs import Run
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.plan.settings import PlannerSettings
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from gpis_grasp_planner.benchmark.bullet_objects import (
     scaled,
 )
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.plan.warm_up import box_part
 from gpis_grasp_planner.scene.bullet_world import bullet_data_directory
-from gpis_grasp_planner.scene.warm_up import box_part
 
 
 def test_the_data_package_is_there() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.benchmark.ranking_runs import noise_covariance
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
-from gpis_grasp_planner.scene.warm_up import box_part
+from gpis_grasp_planner.plan.warm_up import box_part
 from gpis_grasp_planner.verification.pose_noise import displacements
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def test_the_covariance_is_that_of_the_trials_displacements() -> None:

@@ -8,7 +8,7 @@ import pytest
 from gpis_grasp_planner.benchmark.runs import MOST_SECONDS, environment, execute, object_hash
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.plan.settings import PlannerSettings
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from gpis_grasp_planner.benchmark.single_run import RunProcesses
 from gpis_grasp_planner.errors import SystemFault
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.planning.document_reader import parse_document, result_from_dict
-from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.plan.document_reader import parse_document, result_from_dict
+from gpis_grasp_planner.plan.settings import PlannerSettings
 
 
 @pytest.fixture(scope="module")

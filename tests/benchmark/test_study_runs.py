@@ -13,9 +13,9 @@ from gpis_grasp_planner.benchmark.runs import Run, object_hash
 from gpis_grasp_planner.benchmark.strict_tests import NOISE, NOMINAL, TESTS, volume_mass
 from gpis_grasp_planner.benchmark.study_runs import StudyRun
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.planning.settings import PlannerSettings
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
-from gpis_grasp_planner.scene.warm_up import box_part
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.warm_up import box_part
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,10 @@ import time
 
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planner import GraspPlanner
-from gpis_grasp_planner.planning.request import PlanRequest
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.verification.protocol import prepare, verify
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def computing_s() -> float:

@@ -20,12 +20,12 @@ from pathlib import Path
 
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.planner import GraspPlanner
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.request import PlanRequest
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.verification.protocol import prepare, verify
 from gpis_grasp_planner.verification.result import Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def plan(planner: GraspPlanner, part: Part, seconds: float, ranks: list[int]) -> tuple[Grasp, ...]:

@@ -15,8 +15,8 @@ from gpis_grasp_planner.cli.options import (
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planning.document import MeshSource
-from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.plan.document import MeshSource
+from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.settings import describe
 
 

@@ -11,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
-from gpis_grasp_planner.planning.document import read_document
+from gpis_grasp_planner.plan.document import read_document
 
 QUICK = (  # the evaluations end it, also on a machine that is busy with other things
     *("--time", "120", "--planner", "random-adaption", "--evaluations", "192", "--grasps", "3"),

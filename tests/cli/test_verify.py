@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gpis_grasp_planner.cli.main import main
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 @pytest.fixture(scope="module")

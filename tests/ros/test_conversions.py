@@ -9,12 +9,12 @@ import pytest
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.ros.conversions import grasp_message
-from gpis_grasp_planner.ros.planned import Plan
 from gpis_grasp_planner.ros.request_guard import ObjectPose
+from gpis_grasp_planner.ros.worker.messages import Plan
 
 HAND = load_hand()
 

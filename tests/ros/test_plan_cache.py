@@ -8,9 +8,9 @@ import pytest
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planning.request import PlanRequest
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
-from gpis_grasp_planner.ros.planned import Plan, PlanOrder
+from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
 
 ORDER = PlanOrder("mug", ("/parts",), PlanRequest(), {"scene": {"cone_edges": 8}})
 

@@ -6,8 +6,8 @@ import pytest
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planning.planners import PLANNERS
 from gpis_grasp_planner.ros.settings import PLANNER_NAMES, READ_ONLY, NodeSettings
+from gpis_grasp_planner.search.searches import PLANNERS
 from gpis_grasp_planner.settings import describe
 
 

@@ -13,9 +13,9 @@ from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalog
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 
 FACE_HEIGHT = 0.0793

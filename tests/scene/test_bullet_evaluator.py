@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import inverse, transform
+from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 

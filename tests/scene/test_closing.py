@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.planning.evaluator import AttemptStatus
+from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 
 TOLERANCE = 2e-6  # of the judge
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.planning.evaluator import AttemptStatus
+from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import contact_wrenches, hull_quality
 from gpis_grasp_planner.scene import grasp_kernel

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.planning.evaluator import AttemptStatus
+from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 
 TOLERANCE = 2e-6

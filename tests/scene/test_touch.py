@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.planning.evaluator import AttemptStatus
 from gpis_grasp_planner.scene.grasp_kernel import MAX_CONTACTS
 from gpis_grasp_planner.scene.touch import MAX_PER_LINK
 

@@ -11,9 +11,9 @@ from scipy.spatial import ConvexHull
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import inverse, transform
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 
 PALM_FACE_M = 0.0793

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import rotation_angle
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.cases import cad_mass, finalist_cases
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 SETTINGS = VerificationSettings(noise_repeats=3)
 

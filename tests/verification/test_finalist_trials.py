@@ -11,14 +11,14 @@ import pytest
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.trials import TrialOutcome
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.trials import TrialOutcome
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification import finalist_trials
 from gpis_grasp_planner.verification.cases import finalist_cases
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
 from gpis_grasp_planner.verification.protocol import verify
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 SETTINGS = VerificationSettings(noise_repeats=1)
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.motion import Motion, PushWatch
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 SETTINGS = VerificationSettings()
 TURN_LIMIT = np.radians(SETTINGS.rotation_limit_deg)

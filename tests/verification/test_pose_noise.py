@@ -9,10 +9,10 @@ import pytest
 
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import apply, rotation_angle
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.pose_noise import random_displacement, verify_under_noise
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def test_a_displacement_is_as_large_as_said(rng: np.random.Generator) -> None:

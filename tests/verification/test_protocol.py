@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.protocol import DIRECTIONS, Verifier, prepare, verify
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 GraspMaker = Callable[[Part, np.ndarray], Grasp]
 BoxMaker = Callable[[float, float, float], Part]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.obstacles import SupportPlane, Surroundings
-from gpis_grasp_planner.planning.reserve import Reserve
-from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
+from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.selection import Selection, select
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 from gpis_grasp_planner.verification.start import StartFinder
 

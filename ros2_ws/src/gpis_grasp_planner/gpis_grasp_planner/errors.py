@@ -1,7 +1,7 @@
 """One tree of errors; every error has a numeric code, the same one the ROS service answers.
 
 A message says what was wrong, the value found, the limit and the next step. Raise for misuse;
-a planner that finds nothing returns a status instead (see ``planning.plan``).
+a planner that finds nothing returns a status instead (see ``plan.planner``).
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from gpis_grasp_planner.benchmark.store import RunStore
 from gpis_grasp_planner.benchmark.tables import Record, best, best_epsilon_at
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.planning.document import check_same_mesh, read_document
+from gpis_grasp_planner.plan.document import check_same_mesh, read_document
 
 _TIMES = 200
 _COLUMNS = 3

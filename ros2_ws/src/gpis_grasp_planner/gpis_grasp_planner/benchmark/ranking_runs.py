@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.benchmark.runs import Record
 from gpis_grasp_planner.benchmark.study_runs import ObjectRun, study_environment
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planner import GraspPlanner
-from gpis_grasp_planner.planning.document import document_text
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.pose_uncertainty import HoldEstimate, rank_under_uncertainty
-from gpis_grasp_planner.planning.settings import PlannerSettings
-from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.plan.document import document_text
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.warm_up import warm_up
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
-from gpis_grasp_planner.scene.warm_up import warm_up
+from gpis_grasp_planner.surroundings.hold_probability import HoldEstimate, rank_under_uncertainty
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.verification.pose_noise import displacements
 from gpis_grasp_planner.verification.protocol import verify
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 Array = NDArray[np.float64]
 

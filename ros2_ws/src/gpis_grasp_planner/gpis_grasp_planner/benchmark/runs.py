@@ -19,9 +19,9 @@ import numpy as np
 import gpis_grasp_planner
 from gpis_grasp_planner import __version__
 from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.planning.document import document_text
-from gpis_grasp_planner.planning.request import PlanRequest, PlanResult
-from gpis_grasp_planner.planning.settings import PlannerSettings
+from gpis_grasp_planner.plan.document import document_text
+from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.plan.settings import PlannerSettings
 
 Record = dict[str, Any]
 
@@ -163,8 +163,8 @@ def execute(run: Run, part: Part) -> tuple[Record, PlanResult]:
         Identity, settings, outcome, environment: values of JSON only.
     result : PlanResult
     """
-    from gpis_grasp_planner.planner import GraspPlanner
-    from gpis_grasp_planner.scene.warm_up import warm_up
+    from gpis_grasp_planner.plan.planner import GraspPlanner
+    from gpis_grasp_planner.plan.warm_up import warm_up
 
     settings = PlannerSettings.from_mapping(run.settings)
     here = environment()  # before the sources could change

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.verification.cases import LEAST_KG
 from gpis_grasp_planner.verification.pose_noise import displacements
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier, prepare
 from gpis_grasp_planner.verification.result import Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.table_lift import LiftResult, verify_lift
 
 NOMINAL = "nominal"

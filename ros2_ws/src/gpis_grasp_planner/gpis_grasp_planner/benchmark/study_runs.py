@@ -13,11 +13,11 @@ from gpis_grasp_planner.benchmark.runs import EDGES, Record, Run, environment, h
 from gpis_grasp_planner.benchmark.strict_tests import NOMINAL, StrictTests, volume_mass
 from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.planner import GraspPlanner
-from gpis_grasp_planner.planning.document import document_text
-from gpis_grasp_planner.planning.request import PlanResult
-from gpis_grasp_planner.planning.settings import PlannerSettings
-from gpis_grasp_planner.scene.warm_up import warm_up
+from gpis_grasp_planner.plan.document import document_text
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import PlanResult
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.warm_up import warm_up
 from gpis_grasp_planner.verification.protocol import prepare
 
 SECOND_PLANNER = "eigengrasp-two-level"

@@ -102,8 +102,8 @@ def _plan_of_work(arguments: argparse.Namespace) -> tuple[dict[str, Part], list[
     from gpis_grasp_planner.benchmark.runs import Run, object_hash
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.part import Friction
-    from gpis_grasp_planner.planning.planners import PLANNERS, check_planner
-    from gpis_grasp_planner.planning.request import DEFAULT_FRICTION
+    from gpis_grasp_planner.plan.request import DEFAULT_FRICTION
+    from gpis_grasp_planner.search.searches import PLANNERS, check_planner
 
     for name in ("seeds", "cores"):
         if getattr(arguments, name) < 1:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.request import PlanResult
+from gpis_grasp_planner.plan.request import PlanResult
 
 
 def hand_of(result: PlanResult) -> HandDescription:

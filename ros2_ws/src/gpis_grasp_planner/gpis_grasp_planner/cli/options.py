@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
     from gpis_grasp_planner.geometry.part import Friction, Part
-    from gpis_grasp_planner.planning.document import GraspDocument, MeshSource
-    from gpis_grasp_planner.planning.settings import PlannerSettings
+    from gpis_grasp_planner.plan.document import GraspDocument, MeshSource
+    from gpis_grasp_planner.plan.settings import PlannerSettings
     from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
 
 CATALOGUE_GROUP = "catalogue"
@@ -63,7 +63,7 @@ def add_document(parser: argparse.ArgumentParser) -> None:
 def setting_classes() -> dict[str, type[SettingsGroup]]:
     """All groups of settings by name: the planner's and the catalogue's."""
     from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-    from gpis_grasp_planner.planning.settings import setting_groups
+    from gpis_grasp_planner.plan.settings import setting_groups
 
     return {**setting_groups(), CATALOGUE_GROUP: CatalogueSettings}
 
@@ -73,7 +73,7 @@ def read_settings(
 ) -> tuple[PlannerSettings, CatalogueSettings]:
     """Settings of planner and catalogue, see :func:`read_groups`."""
     from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-    from gpis_grasp_planner.planning.settings import PlannerSettings, setting_groups
+    from gpis_grasp_planner.plan.settings import PlannerSettings, setting_groups
 
     groups = read_groups(file, assignments)
     of_planner = {name: values for name, values in groups.items() if name in setting_groups()}
@@ -184,7 +184,7 @@ def find_part(
     """
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.catalogue import load_part
-    from gpis_grasp_planner.planning.document import MeshSource
+    from gpis_grasp_planner.plan.document import MeshSource
 
     path = Path(mesh)
     if os.sep in mesh or (path.suffix and path.is_file()):
@@ -204,7 +204,7 @@ def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> 
     the catalogue.
     """
     from gpis_grasp_planner.geometry.catalogue import load_part
-    from gpis_grasp_planner.planning.document import check_same_mesh
+    from gpis_grasp_planner.plan.document import check_same_mesh
 
     catalogue = catalogue_of(arguments.meshes)
     source = document.mesh_source
@@ -226,7 +226,7 @@ def friction_of(
 ) -> Friction | None:
     """Return the friction asked for: --friction for all links, --friction-palm over it."""
     from gpis_grasp_planner.geometry.part import Friction
-    from gpis_grasp_planner.planning.request import DEFAULT_FRICTION
+    from gpis_grasp_planner.plan.request import DEFAULT_FRICTION
 
     if finger is None and palm is None:
         return None

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gpis_grasp_planner.benchmark.tables import Summary
-    from gpis_grasp_planner.planning.grasp import Grasp
-    from gpis_grasp_planner.planning.request import PlanResult
-    from gpis_grasp_planner.planning.request import Progress as PlanProgress
+    from gpis_grasp_planner.grasp.grasp import Grasp
+    from gpis_grasp_planner.plan.request import PlanResult
+    from gpis_grasp_planner.plan.request import Progress as PlanProgress
 
 _PLAIN_WIDTH = 120
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.catalogue import MeshCatalogue
     from gpis_grasp_planner.geometry.mesh import TriangleMesh
     from gpis_grasp_planner.geometry.part import Part
-    from gpis_grasp_planner.planning.place import Place
+    from gpis_grasp_planner.surroundings.place import Place
 
 LOWEST = "lowest"
 
@@ -57,7 +57,7 @@ def place_of(arguments: argparse.Namespace, part: Part, catalogue: MeshCatalogue
         INVALID_COVARIANCE.
     """
     from gpis_grasp_planner.cli.options import find_part
-    from gpis_grasp_planner.planning.place import Place
+    from gpis_grasp_planner.surroundings.place import Place
 
     data = _scene_of_file(arguments.scene)
     if arguments.support is not None:
@@ -82,7 +82,7 @@ def place_of(arguments: argparse.Namespace, part: Part, catalogue: MeshCatalogue
 
 
 def _scene_of_file(file: Path | None) -> dict[str, Any]:
-    from gpis_grasp_planner.planning.scene_text import parse_scene
+    from gpis_grasp_planner.surroundings.text import parse_scene
 
     if file is None:
         return {}

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.cli import options, place_options
 from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
-from gpis_grasp_planner.planning.trials import VERIFICATIONS
+from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.part import Part
-    from gpis_grasp_planner.planning.request import PlanResult
+    from gpis_grasp_planner.plan.request import PlanResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, write; 3 where there is no grasp."""
     from gpis_grasp_planner.cli import output
-    from gpis_grasp_planner.planning.document import document_text
-    from gpis_grasp_planner.planning.request import PlanRequest
+    from gpis_grasp_planner.plan.document import document_text
+    from gpis_grasp_planner.plan.request import PlanRequest
 
     output.check_writable(arguments.json)
     output.check_writable(arguments.picture)
@@ -77,8 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     place = place_options.place_of(arguments, part, catalogue)
     from gpis_grasp_planner.cli.preparation import ready_to_plan
-    from gpis_grasp_planner.placing import plan_at
-    from gpis_grasp_planner.planner import GraspPlanner
+    from gpis_grasp_planner.plan.placing import plan_at
+    from gpis_grasp_planner.plan.planner import GraspPlanner
 
     ready_to_plan(request.planner)
     with output.plan_progress() as show:

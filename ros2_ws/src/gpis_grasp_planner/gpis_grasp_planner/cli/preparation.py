@@ -17,8 +17,8 @@ def ready_to_plan(planner: str) -> None:
     RequestError
         For an unknown planner.
     """
-    from gpis_grasp_planner.planning.planners import check_planner
-    from gpis_grasp_planner.scene.warm_up import warm_up
+    from gpis_grasp_planner.plan.warm_up import warm_up
+    from gpis_grasp_planner.search.searches import check_planner
 
     check_planner(planner)
     text = "gpis-grasp: compiling the planner, once after an installation or change (1 min) ..."

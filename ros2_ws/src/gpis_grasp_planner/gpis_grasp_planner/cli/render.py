@@ -21,7 +21,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gpis_grasp_planner.cli.drawing import draw_grasp
     from gpis_grasp_planner.cli.output import check_writable
     from gpis_grasp_planner.errors import RequestError
-    from gpis_grasp_planner.planning.document import read_document
+    from gpis_grasp_planner.plan.document import read_document
 
     check_writable(arguments.picture)
     document = read_document(arguments.document)

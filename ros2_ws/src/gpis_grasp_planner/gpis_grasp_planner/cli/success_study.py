@@ -91,8 +91,8 @@ def _plan_of_work(
     from gpis_grasp_planner.benchmark.study_objects import SHIPPED, collect
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.part import Friction
-    from gpis_grasp_planner.planning.planners import check_planner
-    from gpis_grasp_planner.planning.request import DEFAULT_FRICTION
+    from gpis_grasp_planner.plan.request import DEFAULT_FRICTION
+    from gpis_grasp_planner.search.searches import check_planner
 
     for name in ("cores", "tried", "displacements", "selecting"):
         if getattr(arguments, name) < 1:

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from gpis_grasp_planner.planning.grasp import Grasp
-    from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+    from gpis_grasp_planner.grasp.grasp import Grasp
     from gpis_grasp_planner.verification.result import Verification
+    from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gpis_grasp_planner.cli import output
     from gpis_grasp_planner.cli.drawing import hand_of
     from gpis_grasp_planner.errors import ErrorCode
-    from gpis_grasp_planner.planning.document import read_document
+    from gpis_grasp_planner.plan.document import read_document
     from gpis_grasp_planner.verification.protocol import verify
 
     output.check_writable(arguments.json)
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _settings(arguments: argparse.Namespace) -> VerificationSettings:
     from gpis_grasp_planner.errors import RequestError
-    from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+    from gpis_grasp_planner.verification.settings import VerificationSettings
 
     if arguments.cores < 1:
         raise RequestError(f"--cores is {arguments.cores}; give at least 1.")

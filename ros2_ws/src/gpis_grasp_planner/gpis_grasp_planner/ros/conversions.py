@@ -18,11 +18,11 @@ from gpis_grasp_msgs.msg import Contact as ContactMessage
 from gpis_grasp_msgs.msg import Grasp as GraspMessage
 from gpis_grasp_msgs.msg import GraspVerification
 from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.trials import Trials
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.trials import Trials
-from gpis_grasp_planner.ros.planned import Plan
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
+from gpis_grasp_planner.ros.worker.messages import Plan
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from rclpy.node import Node
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.ros.plan_service import PlanGraspService
 from gpis_grasp_planner.ros.plan_supply import PlanSupply
-from gpis_grasp_planner.ros.planning_process import PlanningProcess
 from gpis_grasp_planner.ros.pose_source import PoseSource
+from gpis_grasp_planner.ros.worker.watch import PlanningProcess
 
 
 class Diagnostics:

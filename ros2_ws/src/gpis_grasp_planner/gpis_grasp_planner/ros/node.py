@@ -25,11 +25,11 @@ from gpis_grasp_planner.ros.diagnostics import Diagnostics
 from gpis_grasp_planner.ros.parameters import NodeParameters
 from gpis_grasp_planner.ros.plan_service import SERVICE, PlanGraspService
 from gpis_grasp_planner.ros.plan_supply import PlanSupply
-from gpis_grasp_planner.ros.planning_process import PlanningProcess
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.ros.worker.watch import PlanningProcess
 
 NODE_NAME = "grasp_planner"
 EXIT_CONFIGURATION = 2

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-from gpis_grasp_planner.planning.settings import setting_groups
+from gpis_grasp_planner.plan.settings import setting_groups
 from gpis_grasp_planner.ros.settings import READ_ONLY, NodeSettings
 from gpis_grasp_planner.settings import SettingInfo, SettingsGroup, describe
 

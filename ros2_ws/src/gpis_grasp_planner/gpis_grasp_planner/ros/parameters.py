@@ -18,11 +18,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from gpis_grasp_planner.errors import GraspPlannerError, RequestError
-from gpis_grasp_planner.planning.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.ros.parameter_groups import parameter_groups, parameter_infos
 from gpis_grasp_planner.ros.settings import READ_ONLY, NodeSettings
 from gpis_grasp_planner.ros.text import printable
 from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 
 TYPES = {
     bool: ParameterType.PARAMETER_BOOL,

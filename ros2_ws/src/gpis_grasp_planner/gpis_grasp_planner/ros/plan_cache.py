@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
-from gpis_grasp_planner.ros.planned import Plan, PlanOrder
+from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
 
 # What is done with a plan afterwards, at each place anew, does not make it another plan.
 AFTERWARDS = ("clearance", "uncertainty")

@@ -16,13 +16,13 @@ from typing import Any
 
 from gpis_grasp_planner.errors import ErrorCode, SystemFault
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN, CatalogueSettings, MeshCatalogue
-from gpis_grasp_planner.planning.place import Place
-from gpis_grasp_planner.planning.request import PlanRequest
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.mesh_source import fingerprint
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
-from gpis_grasp_planner.ros.planned import PlaceOrder, Plan, PlanOrder
-from gpis_grasp_planner.ros.planning_process import PlanningProcess
 from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder
+from gpis_grasp_planner.ros.worker.watch import PlanningProcess
+from gpis_grasp_planner.surroundings.place import Place
 
 
 @dataclass(frozen=True, eq=False)

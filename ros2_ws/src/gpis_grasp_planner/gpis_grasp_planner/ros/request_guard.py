@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
-from gpis_grasp_planner.planning.covariance import check_covariance
-from gpis_grasp_planner.planning.request import TIME_BUDGET_RANGE_S, PlanRequest
+from gpis_grasp_planner.plan.request import TIME_BUDGET_RANGE_S, PlanRequest
 from gpis_grasp_planner.ros.settings import PLANNER_NAMES, NodeSettings
 from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.surroundings.covariance import check_covariance
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
-from gpis_grasp_planner.planning.obstacles import read_pose
-from gpis_grasp_planner.planning.scene_text import parse_scene
+from gpis_grasp_planner.surroundings.obstacles import read_pose
+from gpis_grasp_planner.surroundings.text import parse_scene
 
 
 @lru_cache(maxsize=8)

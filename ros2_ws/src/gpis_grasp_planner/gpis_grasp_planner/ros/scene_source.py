@@ -11,13 +11,13 @@ from gpis_grasp_msgs.msg import Obstacle
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.planning.covariance import covariance_in_object
-from gpis_grasp_planner.planning.obstacles import Surroundings, read_pose
-from gpis_grasp_planner.planning.place import STAND_IN, Place
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.surroundings.covariance import covariance_in_object
+from gpis_grasp_planner.surroundings.obstacles import Surroundings, read_pose
+from gpis_grasp_planner.surroundings.place import STAND_IN, Place
 
 SUPPORT = "support"
 

@@ -9,20 +9,20 @@ from dataclasses import dataclass
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.planning.obstacles import Surroundings
-from gpis_grasp_planner.planning.place import STAND_IN
-from gpis_grasp_planner.planning.request import (
+from gpis_grasp_planner.grasp.trials import VERIFICATIONS
+from gpis_grasp_planner.plan.request import (
     FRICTION_RANGE,
     GRASP_COUNT_RANGE,
     SEED_LIMIT,
     TIME_BUDGET_RANGE_S,
     check_friction,
 )
-from gpis_grasp_planner.planning.trials import VERIFICATIONS
 from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
 from gpis_grasp_planner.settings import SettingsGroup, setting
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
+from gpis_grasp_planner.surroundings.place import STAND_IN
 
-# Those of planning.planners.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
+# Those of search.searches.PLANNERS, whose import would cost the node 100 MB and 3 s; a test
 # compares them.
 PLANNER_NAMES = (
     "dual",

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import Finger, HandDescription
-from gpis_grasp_planner.planning.evaluator import Attempts, AttemptStatus
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
@@ -66,7 +66,7 @@ class Confirmation:
 
 
 class BulletEvaluator:
-    """Implements `planning.evaluator.GraspEvaluator` in PyBullet; a context manager.
+    """Implements `grasp.evaluator.GraspEvaluator` in PyBullet; a context manager.
 
     Parameters
     ----------

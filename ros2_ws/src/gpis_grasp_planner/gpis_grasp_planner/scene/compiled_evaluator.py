@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.evaluator import Attempts, Postures
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.evaluator import Attempts, Postures
-from gpis_grasp_planner.planning.scene_settings import SceneSettings
 from gpis_grasp_planner.quality.fast_epsilon import start_directions
 from gpis_grasp_planner.scene.approach import approach_many
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
@@ -38,7 +38,7 @@ _STARTS_OF_GOOD = 20
 
 
 class CompiledEvaluator:
-    """Implements `planning.evaluator.PostureEvaluator`.
+    """Implements `grasp.evaluator.PostureEvaluator`.
 
     Parameters
     ----------

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.planning.trials import TrialOutcome
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.grasp.trials import TrialOutcome
 from gpis_grasp_planner.verification.pose_noise import displacements, drawn_displacements
 from gpis_grasp_planner.verification.result import Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 Array = NDArray[np.float64]
 

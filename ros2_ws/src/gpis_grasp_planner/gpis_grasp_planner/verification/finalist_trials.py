@@ -14,14 +14,14 @@ from functools import partial
 from multiprocessing.connection import wait
 from typing import Any
 
+from gpis_grasp_planner.forked_child import ForkedChild, answer_requests, usable_cores
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.trials import TrialOutcome, Trials
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
-from gpis_grasp_planner.verification.bodies import link_hulls
+from gpis_grasp_planner.verification.bullet.bodies import link_hulls
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.protocol import (
     PreparedPart,
@@ -31,7 +31,7 @@ from gpis_grasp_planner.verification.protocol import (
     remember,
 )
 from gpis_grasp_planner.verification.result import Verification
-from gpis_grasp_planner.verification.workers import ForkedChild, answer_requests, usable_cores
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 # A grasp's next case comes as late as the first case of the grasp so many places below it; each
 # case that it failed puts it further back.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 _WINDOW_S = 0.05
 _EARLIEST_END_S = 0.1

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.pose_uncertainty import random_perturbations
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
+from gpis_grasp_planner.surroundings.hold_probability import random_perturbations
 from gpis_grasp_planner.verification.protocol import verify
 from gpis_grasp_planner.verification.result import Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 Array = NDArray[np.float64]
 

@@ -18,21 +18,21 @@ from multiprocessing.connection import Connection
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.forked_child import answer_requests, share_out
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.verification_settings import VerificationSettings
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
-from gpis_grasp_planner.verification.bodies import link_hulls
+from gpis_grasp_planner.verification.bullet.bodies import link_hulls
+from gpis_grasp_planner.verification.bullet.trial import TrialWorld
 from gpis_grasp_planner.verification.convex_cover import convex_cover
 from gpis_grasp_planner.verification.motion import PushWatch
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.start import StartFinder
-from gpis_grasp_planner.verification.trial import TrialWorld
-from gpis_grasp_planner.verification.workers import answer_requests, share_out
 
 Array = NDArray[np.float64]
 

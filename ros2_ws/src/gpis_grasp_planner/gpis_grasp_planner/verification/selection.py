@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gpis_grasp_planner.planning.clearance import clear_grasps
-from gpis_grasp_planner.planning.clearance_settings import ClearanceSettings
-from gpis_grasp_planner.planning.grasp import Grasp
-from gpis_grasp_planner.planning.obstacles import Surroundings
-from gpis_grasp_planner.planning.ranking import answer_rank
-from gpis_grasp_planner.planning.reserve import Reserve
-from gpis_grasp_planner.planning.trials import Trials
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.order import answer_rank
+from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.grasp.trials import Trials
+from gpis_grasp_planner.surroundings.clearance import clear_grasps
+from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
 

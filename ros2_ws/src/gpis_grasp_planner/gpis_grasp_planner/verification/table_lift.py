@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.planning.grasp import Grasp
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.verification.motion import NO_MOTION, Motion
 from gpis_grasp_planner.verification.protocol import Verifier
 

@@ -1,0 +1,71 @@
+"""A grasp as the planner answers it: palm, fingers, and the evidence of its quality."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.grasp.trials import Trials
+from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """A closed hand on the object, in the object's frame.
+
+    Attributes
+    ----------
+    T_object_palm : (4, 4) array
+        Pose of the palm frame.
+    joints : (J,) array [rad]
+        The closed hand.
+    pregrasp_joints : (J,) array [rad]
+        The open hand from which it closes.
+    contacts : Contacts
+    epsilon : float
+        -1 without force closure.
+    volume : float
+    approach_direction : (3,) array
+        Unit vector along which the palm comes (its z axis).
+    approach_distance : float [m]
+        The open hand is known to be free this far back along it.
+    trials : Trials or None
+        What physics said; None where the grasp was not tried.
+    hold_probability : float or None
+        Under the covariance of a pose estimate; None where none was given.
+    lift_direction : (3,) array or None
+        Unit vector away from the support that the part lies on; None where none is known.
+    """
+
+    T_object_palm: Array
+    joints: Array
+    pregrasp_joints: Array
+    contacts: Contacts
+    epsilon: float
+    volume: float
+    approach_direction: Array
+    approach_distance: float
+    trials: Trials | None = None
+    hold_probability: float | None = None
+    lift_direction: Array | None = None
+
+    @property
+    def way_out(self) -> Array:
+        """Unit vector to lift along: away from the support, else back against the approach."""
+        return -self.approach_direction if self.lift_direction is None else self.lift_direction
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the grasp has force closure."""
+        return self.epsilon > 0.0
+
+    def recomputed_quality(
+        self, center_of_mass: Array, torque_scale: float, cone_edges: int
+    ) -> Quality:
+        """Epsilon and volume from the contacts alone, by the full hull."""
+        return grasp_quality(self.contacts, center_of_mass, torque_scale, cone_edges)

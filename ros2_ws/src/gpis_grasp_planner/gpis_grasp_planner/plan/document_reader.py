@@ -1,0 +1,272 @@
+"""The strict reader of grasp documents: every field, its kind and its limits, or INVALID_DOCUMENT.
+
+A document is a file that people edit and programs exchange, and what is read from it moves a
+robot: unknown and missing fields, numbers that are not finite, quaternions and normals without
+unit length, and joints in another order are errors that name the field.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
+from gpis_grasp_planner.plan.json_node import Node
+from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.surroundings.place import STAND_IN, Place
+
+SCHEMA = "gpis_grasp_planner/grasps"
+SCHEMA_VERSION = 2
+_TEXT_ONLY = ("mesh_hash_recipe", "frame", "quality_recipe")
+_FIELDS = frozenset(
+    (
+        "schema", "schema_version", "version", "code", "status", "message", "mesh_id",
+        "mesh_source", "mesh_hash", "length_unit", "center_of_mass", "torque_scale", "mass",
+        "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
+        "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
+        "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
+        "best_attempt",
+    )
+) | set(_TEXT_ONLY)  # fmt: skip
+_GRASP_FIELDS = frozenset(
+    (
+        "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
+        "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
+        "hold_probability", "lift_direction",
+    )
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MeshSource:
+    """A mesh file outside the catalogue: its path as it was given, and its unit if one was."""
+
+    file: str
+    unit: str | None = None
+
+
+def parse_document(data: bytes, name: str) -> dict[str, Any]:
+    """Parse JSON without NaN, infinities and fields given twice.
+
+    Raises
+    ------
+    RequestError
+        INVALID_DOCUMENT.
+    """
+
+    def unique(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+        values = dict(pairs)
+        if len(values) < len(pairs):
+            raise ValueError("a field is given twice")
+        return values
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number of JSON")
+
+    try:
+        values = json.loads(data.decode("utf-8"), object_pairs_hook=unique, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise RequestError(
+            f"{name} is not valid JSON: {error}. Name a document that 'plan --json' wrote.",
+            ErrorCode.INVALID_DOCUMENT,
+        ) from None
+    document = Node(values, "", name)
+    if not isinstance(values, dict) or values.get("schema") != SCHEMA:
+        raise document.fail(f"an object whose schema is '{SCHEMA}'")
+    if values.get("schema_version") != SCHEMA_VERSION:
+        found = Node(values.get("schema_version"), "schema_version", name)
+        raise found.fail(f"{SCHEMA_VERSION}, the one version this program reads")
+    return values
+
+
+def result_from_dict(
+    values: Mapping[str, Any], name: str = "document"
+) -> tuple[PlanResult, MeshSource | None]:
+    """Check the fields of a document and build the result that it describes.
+
+    Parameters
+    ----------
+    values : mapping
+        Of :func:`parse_document`.
+    name : str
+        Of the document, for messages.
+
+    Raises
+    ------
+    RequestError
+        INVALID_DOCUMENT with the field, its value and what it must be.
+    """
+    root = Node(values, "", name).object(_FIELDS)
+    for field in ("version", *_TEXT_ONLY):
+        root[field].text()
+    if root["length_unit"].text() != "m":
+        raise root["length_unit"].fail("'m'")
+    code = _code(root)
+    mesh_hash = root["mesh_hash"].text()
+    if len(mesh_hash) != 64 or not set(mesh_hash) <= set("0123456789abcdef"):
+        raise root["mesh_hash"].fail("a SHA-256 as 64 hexadecimal digits")
+    joint_names, link_names = root["joint_names"].texts(), root["link_names"].texts()
+
+    def read_grasp(node: Node) -> Grasp:
+        return _grasp(node, joint_names, link_names)
+
+    result = PlanResult(
+        code=code,
+        message=root["message"].text(),
+        grasps=tuple(read_grasp(node) for node in root["grasps"].list()),
+        best_attempt=root["best_attempt"].optional(read_grasp),
+        mesh_id=root["mesh_id"].text(),
+        mesh_hash=mesh_hash,
+        center_of_mass=root["center_of_mass"].vector(3),
+        torque_scale=root["torque_scale"].number(low=1e-9),
+        mass=root["mass"].number(low=0.0),
+        cone_edges=root["cone_edges"].integer(3, 1024),
+        contact_threshold=root["contact_threshold"].number(low=0.0),
+        friction=_friction(root["friction"]),
+        hand=root["hand"].text(),
+        link_names=link_names,
+        joint_names=joint_names,
+        request=_request(root),
+        settings=_settings(root["settings"]),
+        elapsed_s=root["elapsed_s"].number(low=0.0),
+        evaluations=root["n_evaluations"].integer(),
+        notes=root["notes"].texts(),
+        convergence=tuple(_improvement(node) for node in root["convergence"].list()),
+        place=root["place"].optional(_place),
+    )
+    return result, root["mesh_source"].optional(_mesh_source)
+
+
+def _code(root: Mapping[str, Node]) -> ErrorCode:
+    names = {int(code): code for code in ErrorCode}
+    code = names.get(root["code"].integer())
+    if code is None:
+        raise root["code"].fail("a code of ErrorCode (errors.py)")
+    if root["status"].text() != code.name:
+        raise root["status"].fail(f"{code.name}, the name of the code {int(code)}")
+    if (code == ErrorCode.SUCCESS) != bool(root["grasps"].list()) and code != ErrorCode.CANCELLED:
+        raise root["code"].fail("SUCCESS exactly where there are grasps")
+    return code
+
+
+def _request(root: Mapping[str, Node]) -> PlanRequest:
+    try:
+        return PlanRequest(
+            planner=root["planner"].text(),
+            seed=root["seed"].integer(),
+            time_budget_s=root["time_budget_s"].number(),
+            n_grasps=root["n_grasps"].integer(),
+            friction=_friction(root["friction"]),
+            max_evaluations=root["max_evaluations"].optional(Node.integer),
+            verification=root["verification"].text(),
+        )
+    except GraspPlannerError as error:
+        if error.code == ErrorCode.INVALID_DOCUMENT:
+            raise
+        raise RequestError(
+            f"{root['seed'].document}: {error}", ErrorCode.INVALID_DOCUMENT
+        ) from None
+
+
+def _friction(node: Node) -> Friction:
+    pair = node.object(frozenset({"finger", "palm"}))
+    return Friction(pair["finger"].number(low=0.0), pair["palm"].number(low=0.0))
+
+
+def _mesh_source(node: Node) -> MeshSource:
+    source = node.object(frozenset({"file", "unit"}))
+    unit = source["unit"].optional(Node.text)
+    if unit not in (None, "m", "mm"):
+        raise source["unit"].fail("'m', 'mm' or null")
+    return MeshSource(source["file"].text(), unit)
+
+
+def _place(node: Node) -> dict[str, Any]:
+    try:
+        Place.from_mapping(node.value, lambda _source: STAND_IN)
+    except GraspPlannerError as error:
+        raise RequestError(
+            f"{node.document}: '{node.path}': {error}", ErrorCode.INVALID_DOCUMENT
+        ) from None
+    return dict(node.value)
+
+
+def _settings(node: Node) -> dict[str, dict[str, Any]]:
+    groups = node.value
+    if not isinstance(groups, Mapping) or not all(isinstance(g, Mapping) for g in groups.values()):
+        raise node.fail("groups of names and values")
+    return {group: dict(values) for group, values in groups.items()}
+
+
+def _improvement(node: Node) -> tuple[float, int, float]:
+    entry = node.object(frozenset({"elapsed_s", "n_evaluations", "best_epsilon"}))
+    return (
+        entry["elapsed_s"].number(low=0.0),
+        entry["n_evaluations"].integer(),
+        entry["best_epsilon"].number(low=-1.0),
+    )
+
+
+def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) -> Grasp:
+    grasp = node.object(_GRASP_FIELDS)
+    if grasp["joint_names"].texts() != tuple(joint_names):
+        raise grasp["joint_names"].fail("the document's joint_names, in their order")
+    pose = grasp["palm_pose"].object(frozenset({"position", "orientation_xyzw"}))
+    n = len(joint_names)
+    return Grasp(
+        T_object_palm=from_position_quat_xyzw(
+            pose["position"].vector(3), pose["orientation_xyzw"].unit_vector(4)
+        ),
+        joints=grasp["joint_positions"].vector(n),
+        pregrasp_joints=grasp["pregrasp_joint_positions"].vector(n),
+        contacts=_contacts(grasp["contacts"], link_names),
+        epsilon=grasp["epsilon"].number(low=-1.0),
+        volume=grasp["volume"].number(low=0.0),
+        approach_direction=grasp["approach_direction"].unit_vector(3),
+        approach_distance=grasp["approach_distance"].number(low=0.0),
+        trials=grasp["trials"].optional(_trials),
+        hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
+        lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
+    )
+
+
+def _trials(node: Node) -> Trials:
+    names = frozenset(field.name for field in fields(TrialOutcome))
+    outcomes = [item.object(names) for item in node.list()]
+    return Trials(
+        tuple(
+            TrialOutcome(
+                outcome["name"].text(),
+                outcome["passed"].boolean(),
+                outcome["cause"].text(),
+                outcome["slip_m"].number(low=0.0),
+                outcome["rotation_rad"].number(low=0.0),
+            )
+            for outcome in outcomes
+        )
+    )
+
+
+def _contacts(node: Node, link_names: Sequence[str]) -> Contacts:
+    names = frozenset({"link", "position", "normal_inward", "friction"})
+    contacts = [item.object(names) for item in node.list()]
+    if not contacts:
+        return Contacts.none()
+    for contact in contacts:
+        if contact["link"].text() not in link_names:
+            raise contact["link"].fail(f"one of {', '.join(link_names)}")
+    return Contacts(
+        positions=np.stack([c["position"].vector(3) for c in contacts]),
+        normals_inward=np.stack([c["normal_inward"].unit_vector(3) for c in contacts]),
+        friction=np.array([c["friction"].number(low=0.0) for c in contacts]),
+        links=np.array([link_names.index(c["link"].text()) for c in contacts], dtype=np.intp),
+    )

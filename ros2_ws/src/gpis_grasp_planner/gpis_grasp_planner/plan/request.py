@@ -1,0 +1,177 @@
+"""What is asked of the planner, what it says on the way, and what it answers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.grasp.trials import VERIFICATIONS
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
+
+TIME_BUDGET_RANGE_S = (0.1, 600.0)
+GRASP_COUNT_RANGE = (1, 200)
+FRICTION_RANGE = (0.01, 5.0)
+DEFAULT_FRICTION = Friction(finger=0.6, palm=0.6)
+SEED_LIMIT = 2**63 - 1
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """One planning task, independent of the mesh and of where the part lies.
+
+    Attributes
+    ----------
+    planner : str
+        Name of the search, see ``search.searches.PLANNERS``.
+    seed : int
+        The same seed and evaluations give the same grasps; a time budget ends the search where
+        the clock says, so that two runs agree up to the point where the slower one ended.
+    time_budget_s : float [s]
+    n_grasps : int
+    friction : Friction or None
+        None: that of the part, or the default of 0.6.
+    max_evaluations : int or None
+        Ends the search after this many attempts, which makes a run repeatable to the bit.
+    surroundings : Surroundings or None
+        In the object's frame. Where given, only grasps that are clear of it are looked for; a
+        result without serves every pose of the part (`plan.placed_answer`).
+    verification : str
+        One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
+    """
+
+    planner: str = "dual"
+    seed: int = 0
+    time_budget_s: float = 5.0
+    n_grasps: int = 20
+    friction: Friction | None = None
+    max_evaluations: int | None = None
+    surroundings: Surroundings | None = None
+    verification: str = "none"
+
+    def __post_init__(self) -> None:
+        low, high = TIME_BUDGET_RANGE_S
+        if not (math.isfinite(self.time_budget_s) and low <= self.time_budget_s <= high):
+            raise RequestError(
+                f"The time budget is {self.time_budget_s} s; allowed are {low:g} to {high:g} s. "
+                "Ask again with a budget in that range.",
+                ErrorCode.TIME_BUDGET_OUT_OF_RANGE,
+            )
+        few, many = GRASP_COUNT_RANGE
+        if not few <= self.n_grasps <= many:
+            raise RequestError(
+                f"The number of grasps is {self.n_grasps}; allowed are {few} to {many}. "
+                "Ask again with a number in that range.",
+                ErrorCode.GRASP_COUNT_OUT_OF_RANGE,
+            )
+        if not 0 <= self.seed <= SEED_LIMIT:
+            raise RequestError(f"The seed is {self.seed}; give an integer from 0 to {SEED_LIMIT}.")
+        if self.max_evaluations is not None and self.max_evaluations < 1:
+            raise RequestError(
+                f"The limit of evaluations is {self.max_evaluations}; give at least 1, or none."
+            )
+        if self.verification not in VERIFICATIONS:
+            raise RequestError(
+                f"The verification is '{self.verification}'; choose one of "
+                f"{', '.join(VERIFICATIONS)}.",
+                ErrorCode.INVALID_SETTING,
+            )
+        for name in ("finger", "palm"):
+            if self.friction is not None:
+                check_friction(getattr(self.friction, name), name)
+
+    def again(self, spent_s: float) -> PlanRequest:
+        """The same request for a search that has to be made anew after `spent_s` [s].
+
+        It gets what is left of the time budget, but at least half of it: where the first search
+        has used it up, an answer is late rather than missing.
+        """
+        left = max(self.time_budget_s - spent_s, 0.5 * self.time_budget_s, TIME_BUDGET_RANGE_S[0])
+        return replace(self, time_budget_s=left)
+
+    def friction_for(self, part_friction: Friction | None) -> Friction:
+        """The request's friction, else the part's, else the default."""
+        return self.friction or part_friction or DEFAULT_FRICTION
+
+
+def check_friction(value: float, where: str) -> float:
+    """Return a coefficient of friction, or raise RequestError with the allowed range."""
+    low, high = FRICTION_RANGE
+    if not (math.isfinite(value) and low <= value <= high):
+        raise RequestError(
+            f"The friction of the {where} is {value}; allowed are {low:g} to {high:g}. "
+            "Ask again with a coefficient in that range.",
+            ErrorCode.FRICTION_OUT_OF_RANGE,
+        )
+    return float(value)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a running plan is."""
+
+    elapsed_s: float
+    time_budget_s: float
+    evaluations: int
+    best_epsilon: float
+    n_candidates: int
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """The answer, with everything that is needed to recompute its figures.
+
+    Attributes
+    ----------
+    code : ErrorCode
+        SUCCESS, or why there is no grasp (NO_FEASIBLE_GRASP, CANCELLED).
+    message : str
+    grasps : tuple of Grasp
+        With force closure, mutually distinct, best first, in the object's frame.
+    best_attempt : Grasp or None
+        Where there is no grasp: the nearest thing to one. Infeasible.
+    convergence : tuple of (elapsed s, evaluations, best epsilon)
+        One entry per improvement of the best epsilon.
+    place : mapping or None
+        The place that the answer is for, in the form of `surroundings.place.Place`; None for a
+        plan in free space.
+    reserve : Reserve
+        Further grasps, for surroundings in which those of the answer are blocked.
+    """
+
+    code: ErrorCode
+    message: str
+    grasps: tuple[Grasp, ...]
+    best_attempt: Grasp | None
+    mesh_id: str
+    mesh_hash: str
+    center_of_mass: NDArray[np.float64]
+    torque_scale: float
+    mass: float
+    cone_edges: int
+    contact_threshold: float
+    friction: Friction
+    hand: str
+    link_names: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    request: PlanRequest
+    settings: Mapping[str, Any]
+    elapsed_s: float
+    evaluations: int
+    notes: tuple[str, ...] = ()
+    convergence: tuple[tuple[float, int, float], ...] = field(default=())
+    place: Mapping[str, Any] | None = None
+    reserve: Reserve = field(default_factory=Reserve)
+
+    @property
+    def success(self) -> bool:
+        """Whether there is at least one grasp."""
+        return self.code == ErrorCode.SUCCESS

@@ -1,0 +1,70 @@
+"""All settings of the planner, by group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.search.rival_settings import RivalSettings
+from gpis_grasp_planner.search.settings import (
+    AdaptionSettings,
+    AdmmCpSettings,
+    DualSettings,
+    HppSettings,
+    RefinementSettings,
+    SearchSettings,
+)
+from gpis_grasp_planner.settings import SettingsGroup
+from gpis_grasp_planner.surface.settings import SurfaceSettings
+from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
+from gpis_grasp_planner.verification.settings import VerificationSettings
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """The groups; a setting's full name is ``group.name``, as in the ROS parameters."""
+
+    scene: SceneSettings = field(default_factory=SceneSettings)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+    adaption: AdaptionSettings = field(default_factory=AdaptionSettings)
+    hpp: HppSettings = field(default_factory=HppSettings)
+    refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    dual: DualSettings = field(default_factory=DualSettings)
+    admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
+    rivals: RivalSettings = field(default_factory=RivalSettings)
+    verification: VerificationSettings = field(default_factory=VerificationSettings)
+    clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
+    uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
+
+    @property
+    def search(self) -> SearchSettings:
+        """The groups that a search reads."""
+        return SearchSettings(**{f.name: getattr(self, f.name) for f in fields(SearchSettings)})
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """Values by group and name, ready for JSON."""
+        return {f.name: getattr(self, f.name).as_dict() for f in fields(self)}
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]]) -> PlannerSettings:
+        """Build from groups of names and values; unknown ones are errors naming the known."""
+        groups = setting_groups()
+        unknown = sorted(set(values) - set(groups))
+        if unknown:
+            raise RequestError(
+                f"Unknown group of settings {', '.join(unknown)}; known are {', '.join(groups)}."
+            )
+        made: dict[str, Any] = {
+            name: groups[name].from_mapping(group) for name, group in values.items()
+        }
+        return cls(**made)
+
+
+def setting_groups() -> dict[str, type[SettingsGroup]]:
+    """The groups' classes by name."""
+    default = PlannerSettings()
+    return {f.name: type(getattr(default, f.name)) for f in fields(default)}

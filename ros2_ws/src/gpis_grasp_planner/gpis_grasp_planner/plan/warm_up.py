@@ -1,0 +1,157 @@
+"""Compile everything once: a tiny plan on a generated box, with every planner.
+
+    python -m gpis_grasp_planner.plan.warm_up
+
+Numba keeps what it compiled on disk, so that later processes load it in a second instead of
+compiling for most of a minute. The set-up calls this; so does whoever measures time, before the
+clock starts.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gpis_grasp_planner.compiled_cache import remove_stale_caches
+from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.hand.link_mesh import convex_hull
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
+from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.search.archive import GraspArchive
+from gpis_grasp_planner.search.context import PlanningContext
+from gpis_grasp_planner.search.finalists import choose_finalists
+from gpis_grasp_planner.search.searches import PLANNERS, make_search
+from gpis_grasp_planner.surface.atlas import SurfaceAtlas
+from gpis_grasp_planner.surface.implicit_surface import fit_part
+from gpis_grasp_planner.surroundings.clearance import clear_grasps
+from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
+from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
+from gpis_grasp_planner.surroundings.obstacles import (
+    BoxObstacle,
+    MeshObstacle,
+    SupportPlane,
+    Surroundings,
+)
+from gpis_grasp_planner.surroundings.pregrasp import narrow_pregrasp
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
+
+ATTEMPTS = 200
+MOST_SECONDS = 3.0
+FIELD_CELLS = 24
+
+
+def box_part() -> Part:
+    """Return a box of 40 x 50 x 70 mm that the hand grasps easily."""
+    half = np.array([0.02, 0.025, 0.035])
+    mesh = convex_hull(half * np.array(list(itertools.product((-1.0, 1.0), repeat=3))))
+    volume = float(8.0 * half.prod())
+    return Part("warm-up box", mesh, np.zeros(3), 1000.0 * volume, volume, True)
+
+
+def warm_up(
+    planners: Sequence[str] | None = None, say: Callable[[str], None] = lambda _: None
+) -> int:
+    """Run a tiny fit and a tiny plan with each planner.
+
+    Parameters
+    ----------
+    planners : sequence of str, optional
+        Names of ``search.searches.PLANNERS``; default: all.
+    say : callable
+        Takes one line of text per step.
+
+    Returns
+    -------
+    n_grasps : int
+        Grasps found; more than 0 where everything works.
+
+    Notes
+    -----
+    About 2 s with everything compiled, most of a minute without.
+    """
+    part, hand = box_part(), load_hand(DEFAULT_HAND)
+    settings = PlannerSettings(scene=SceneSettings(field_cells=FIELD_CELLS))
+    began = time.monotonic()
+    field, tree = DistanceField.of(part.mesh, cells=FIELD_CELLS), TriangleTree.of(part.mesh)
+    say(f"distance field and triangle tree: {time.monotonic() - began:.1f} s")
+    began = time.monotonic()
+    atlas = SurfaceAtlas(fit_part(part.mesh, settings.surface))
+    say(f"implicit surface: {time.monotonic() - began:.1f} s")
+    friction = Friction(0.6, 0.6)
+    grasps: list[Grasp] = []
+    for name in planners or PLANNERS:
+        began = time.monotonic()
+        evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
+        context = PlanningContext(
+            part=part,
+            hand=hand,
+            evaluator=evaluator,
+            atlas=atlas,
+            archive=GraspArchive(part.max_radius, settings.hpp.volume_weight),
+            settings=settings.search,
+            rng=np.random.default_rng(0),
+        )
+        search = make_search(name, context)
+        search.step()  # compiles
+        end = time.monotonic() + MOST_SECONDS
+        while not (search.finished or evaluator.n_attempts >= ATTEMPTS or time.monotonic() > end):
+            search.step()
+        grasps += choose_finalists(context, 2, None)
+        say(f"planner {name}: {time.monotonic() - began:.1f} s")
+    began = time.monotonic()
+    with BulletEvaluator(hand, part, friction, settings.scene, field, tree) as bullet:
+        bullet.confirm(grasps[:1])
+    say(f"confirmation: {time.monotonic() - began:.1f} s")
+    began = time.monotonic()
+    evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
+    warm_up_placing(evaluator, part, tree, grasps[:2])
+    say(f"placing: {time.monotonic() - began:.1f} s")
+    return len(grasps)
+
+
+def warm_up_placing(
+    evaluator: CompiledEvaluator, part: Part, tree: TriangleTree, grasps: Sequence[Grasp]
+) -> None:
+    """Hold grasps against a plane, a box and a mesh, narrow their pre-grasps, disturb one."""
+    hand = evaluator.hand
+    aside = np.eye(4)
+    aside[0, 3] = 0.5
+    around = Surroundings(
+        SupportPlane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])),
+        (BoxObstacle(aside, np.full(3, 0.1)), MeshObstacle(aside, part.mesh)),
+    )
+    settings = ClearanceSettings()
+    clear_grasps(hand, grasps, around, settings)
+    narrow_pregrasp(hand, grasps, tree, settings.pregrasp_clearance_m)
+    points = UncertaintySettings(method="unscented")
+    rank_under_uncertainty(
+        evaluator, hand, grasps[:1], 1e-6 * np.eye(6), points, np.random.default_rng(0)
+    )
+
+
+def main() -> int:
+    """Warm up and say what it does."""
+
+    def say(text: str) -> None:
+        sys.stdout.write(f"warm-up: {text}\n")
+        sys.stdout.flush()
+
+    say("compiling what is not yet on disk (up to a minute, once)")
+    remove_stale_caches()
+    n_grasps = warm_up(say=say)
+    say(f"done, {n_grasps} grasps of a box")
+    return 0 if n_grasps else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

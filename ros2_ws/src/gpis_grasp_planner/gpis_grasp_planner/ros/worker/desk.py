@@ -1,0 +1,180 @@
+"""What the planning process does with an order: load the mesh, plan, place.
+
+Plans are made by one thread and placed by another; both use what is here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import threading
+import time
+import traceback
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, MeshError
+from gpis_grasp_planner.geometry.catalogue import CatalogueSettings
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.plan.placed_answer import causes_text
+from gpis_grasp_planner.plan.placing import place_result, plan_around
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import TIME_BUDGET_RANGE_S, PlanResult, Progress
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder, WorkerError
+from gpis_grasp_planner.ros.worker.parts import PartLoader
+from gpis_grasp_planner.surroundings.place import Place
+
+# Parts and unpacked results; a result remembers the exact quality of grasps of its reserve.
+_KEPT = 8
+_COMPRESSION = 1
+
+
+class PlannerDesk:
+    """Serves orders; what it prepared for a mesh is kept while the settings stay the same."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._planner = GraspPlanner()
+        self._kept: OrderedDict[bytes, tuple[Part, PlanResult]] = OrderedDict()
+        # One for each thread.
+        self._parts_to_plan, self._parts_to_place = PartLoader(), PartLoader()
+
+    def make_plan(self, order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
+        """Load the mesh and plan; around its surroundings where the order names a place.
+
+        Loading and preparing a mesh counts against the time budget, but at least half of that is
+        left to the search: a first call with a short budget must not end before it began.
+
+        Raises
+        ------
+        GraspPlannerError
+            Of the catalogue or the planner.
+        """
+        start = time.monotonic()
+        load = _load(self._parts_to_plan, order.mesh_directories, order.settings)
+        part = load(order.mesh_id)
+        planner = self._planner_for(order.settings)
+        planner.prepare(part)
+        budget_s = order.request.time_budget_s
+        left_s = max(budget_s - (time.monotonic() - start), 0.5 * budget_s, TIME_BUDGET_RANGE_S[0])
+        request = replace(order.request, time_budget_s=left_s)
+        if order.place is not None:
+            place = _place(order.place, load)
+            answer = plan_around(planner, part, request, place, order.blocked, on_progress)
+            return _light(answer.result, time.monotonic() - start, blocked=order.blocked)
+        present = None if order.present is None else _place(order.present, load)
+        result = planner.plan(part, request, on_progress, place=present)
+        record = b""
+        if result.code == ErrorCode.SUCCESS:
+            record = zlib.compress(pickle.dumps(result), _COMPRESSION)
+            self._keep(record, part, result)
+        return _light(result, time.monotonic() - start, record)
+
+    def place(self, order: PlaceOrder) -> Plan:
+        """Answer a plan for a place.
+
+        Raises
+        ------
+        GraspPlannerError
+            Of the catalogue, for a place that is refused, or for a mesh that has changed.
+        """
+        start = time.monotonic()
+        load = _load(self._parts_to_place, order.mesh_directories, order.settings)
+        part, result = self._kept_or_loaded(order.plan, load)
+        planner, place = self._planner_for(order.settings), _place(order.place, load)
+        planner.prepare(part)  # has been done, but by an earlier process perhaps
+        deadline = max(start, time.monotonic() - 0.5 * order.time_budget_s) + order.time_budget_s
+        answer = place_result(
+            planner, part, result, place, n_grasps=order.n_grasps, deadline=deadline
+        )
+        return _light(answer.result, time.monotonic() - start, blocked=causes_text(answer.blocked))
+
+    def _planner_for(self, settings: Mapping[str, Mapping[str, Any]]) -> GraspPlanner:
+        groups = {name: values for name, values in settings.items() if name != "catalogue"}
+        wanted = PlannerSettings.from_mapping(groups)
+        with self._lock:
+            if wanted != self._planner.settings:
+                self._planner = GraspPlanner(wanted)
+            return self._planner
+
+    def _keep(self, record: bytes, part: Part, result: PlanResult) -> None:
+        with self._lock:
+            self._kept[_key(record)] = part, result
+            self._kept.move_to_end(_key(record))
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+
+    def _kept_or_loaded(self, plan: Plan, load: Callable[[str], Part]) -> tuple[Part, PlanResult]:
+        with self._lock:
+            kept = self._kept.get(_key(plan.record))
+        if kept is None:
+            part = load(plan.mesh_id)
+            if part.mesh.content_hash != plan.mesh_hash:
+                raise MeshError(
+                    f"The mesh file of '{plan.mesh_id}' changed while this request was answered: "
+                    f"the plan is of {plan.mesh_hash[:16]}..., the file is "
+                    f"{part.mesh.content_hash[:16]}.... Call again."
+                )
+            # Written by this module, in this process or the one before it, and kept by the node.
+            kept = part, pickle.loads(zlib.decompress(plan.record))
+        self._keep(plan.record, *kept)
+        return kept
+
+
+def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
+    """Make a plan, or an error that can be sent: whatever happens, there is an answer."""
+    try:
+        return make(*arguments)
+    except GraspPlannerError as error:
+        return WorkerError(error.code, error.message)
+    except MemoryError:
+        return WorkerError(
+            ErrorCode.INTERNAL,
+            "The planning process ran out of memory. Use a mesh with fewer faces, or a "
+            "machine with more memory.",
+        )
+    except Exception as error:
+        traceback.print_exc()
+        return WorkerError(
+            ErrorCode.INTERNAL,
+            f"The planner failed unexpectedly ({type(error).__name__}: {error}). The "
+            "traceback is in the node's output; please report it.",
+        )
+
+
+def _load(
+    loader: PartLoader, directories: Sequence[str], settings: Mapping[str, Mapping[str, Any]]
+) -> Callable[[str], Part]:
+    """What loads a part by its mesh ID."""
+    values = CatalogueSettings.from_mapping(settings["catalogue"])
+    return partial(loader.load, [Path(directory) for directory in directories], values)
+
+
+def _place(data: Mapping[str, Any], load: Callable[[str], Part]) -> Place:
+    return Place.from_mapping(data, lambda mesh_id: load(mesh_id).mesh)
+
+
+def _key(record: bytes) -> bytes:
+    return hashlib.sha256(record).digest()
+
+
+def _light(result: PlanResult, elapsed_s: float, record: bytes = b"", blocked: str = "") -> Plan:
+    return Plan(
+        code=result.code,
+        message=result.message,
+        mesh_id=result.mesh_id,
+        mesh_hash=result.mesh_hash,
+        grasps=result.grasps,
+        best_attempt=result.best_attempt,
+        notes=result.notes,
+        evaluations=result.evaluations,
+        elapsed_s=elapsed_s,
+        record=record,
+        blocked=blocked,
+    )

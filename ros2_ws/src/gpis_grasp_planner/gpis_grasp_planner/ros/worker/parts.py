@@ -1,0 +1,84 @@
+"""Meshes are read in a short-lived child of the planning process.
+
+The mesh library takes 45 MB that a process does not give back, and a file that crashes a parser
+takes the process with it. A forked child shares all that the planning process has imported, reads
+and judges the mesh, hands over the part and ends. The last few parts are kept while their files
+stay the same, so that another plan of a mesh reads nothing.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections import OrderedDict
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from gpis_grasp_planner.errors import GraspPlannerError, MeshError
+from gpis_grasp_planner.forked_child import ForkedChild
+from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.ros.mesh_source import fingerprint
+
+_KEPT_PARTS = 4
+
+
+class PartLoader:
+    """Loads parts by mesh ID, and keeps the last few."""
+
+    def __init__(self) -> None:
+        self._parts: OrderedDict[tuple[object, ...], Part] = OrderedDict()
+
+    def load(self, directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str) -> Part:
+        """Read the part of an ID, in a child unless it is known. About 0.5 s.
+
+        Raises
+        ------
+        GraspPlannerError
+            Of the catalogue; MESH_UNREADABLE where reading the file ended the child.
+        """
+        key = self._key(directories, settings, mesh_id)
+        part = self._parts.pop(key, None) or load_apart(directories, settings, mesh_id)
+        if self._key(directories, settings, mesh_id) == key:  # not replaced meanwhile
+            self._parts[key] = part
+        if len(self._parts) > _KEPT_PARTS:
+            self._parts.popitem(last=False)
+        return part
+
+    @staticmethod
+    def _key(
+        directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str
+    ) -> tuple[object, ...]:
+        source = fingerprint(directories, mesh_id, settings.max_file_bytes)
+        return tuple(directories), settings, mesh_id, source
+
+
+def load_apart(directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str) -> Part:
+    """Read the part of an ID in a forked child; see :meth:`PartLoader.load`."""
+
+    def serve(connection: Connection) -> None:
+        connection.send(_outcome(directories, settings, mesh_id))
+
+    with ForkedChild(serve) as child:
+        try:
+            outcome: Part | Exception = child.connection.recv()
+        except (EOFError, OSError):
+            raise MeshError(
+                f"Reading the mesh '{mesh_id}' ended the process that read it (damaged, or too "
+                "large for the memory). Export it again, or simplify it."
+            ) from None
+    if isinstance(outcome, Exception):
+        raise outcome
+    return outcome
+
+
+def _outcome(
+    directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str
+) -> Part | Exception:
+    try:
+        return MeshCatalogue(directories, settings).load(mesh_id)
+    except GraspPlannerError as error:
+        return error
+    except Exception as error:
+        traceback.print_exc()  # it does not travel with the error
+        return error

@@ -1,0 +1,201 @@
+"""Local adaption on the GPIS atlas (Alg. 2): palms parallel to a chart, moved until free.
+
+For a proposed palm pose the nearest surface point and its chart are found; `n_seed` points of the
+chart then each get a palm whose z axis points against the chart's outward normal, moved along
+the normal until the open hand is free, and the hand is closed.
+
+Departures from the paper, each for a reason:
+
+- The palm's z is turned *against* the outward normal by the smallest rotation (the paper's text
+  turns it onto the normal), so that the proposed rotation decides the roll about it.
+- Beside the place on the chart every seed draws the hand's spread and a standoff. AutoGrasp keeps
+  the spread, so that nothing else in the first stage would choose it; and a hand that always
+  goes as near as it can never grasps with its fingertips. The first seed is the paper's own: the
+  chart's centre, no standoff.
+- lambda and theta_z start anew for every seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gpis_grasp_planner.errors import MeshError
+from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.evaluator import Attempts, GraspEvaluator
+from gpis_grasp_planner.search.settings import AdaptionSettings
+from gpis_grasp_planner.surface.atlas import SurfaceAtlas
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.search.context import PlanningContext
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Adapted:
+    """What the local adaption made of a batch of proposals.
+
+    Attributes
+    ----------
+    attempts : Attempts
+        Of all seeds whose hand came free.
+    proposal : (B,) int array
+        Which proposal each attempt belongs to.
+    standoff : (B,) array [m]
+        How far each hand stands back from where its palm would touch.
+    """
+
+    attempts: Attempts
+    proposal: NDArray[np.int64]
+    standoff: Array
+
+
+class LocalAdaption:
+    """GPISAtlas() of Alg. 2 for many proposals at once.
+
+    Parameters
+    ----------
+    evaluator : GraspEvaluator
+    atlas : SurfaceAtlas
+    T_palm_face : (4, 4) array
+        Pose of the palm's face in the palm frame: the face is what is laid on the chart.
+    max_radius : float [m]
+        The object's largest radius.
+    settings : AdaptionSettings
+    """
+
+    def __init__(
+        self,
+        evaluator: GraspEvaluator,
+        atlas: SurfaceAtlas,
+        T_palm_face: Array,
+        max_radius: float,
+        settings: AdaptionSettings,
+    ):
+        self.evaluator = evaluator
+        self.atlas = atlas
+        self.settings = settings
+        self.T_palm_face = T_palm_face
+        self._face_height = float(T_palm_face[2, 3])
+        self._radius = settings.chart_radius_ratio * max_radius
+
+    @classmethod
+    def of(cls, context: PlanningContext) -> LocalAdaption:
+        """The adaption of a planning context."""
+        return cls(
+            context.evaluator,
+            context.atlas,
+            context.T_palm_face,
+            context.max_radius,
+            context.settings.adaption,
+        )
+
+    def __call__(
+        self, T_object_face: Array, rng: np.random.Generator, posture: Array | None = None
+    ) -> Adapted:
+        """Adapt proposals (k, 4, 4) of the palm's face, all seeds at once.
+
+        Parameters
+        ----------
+        T_object_face : (k, 4, 4) array
+        rng : numpy Generator
+        posture : (k, 2) array, optional
+            Spread [rad] and standoff [m] of each proposal; its seeds vary about them. Without
+            it every seed draws its own.
+        """
+        n_seed = self.settings.n_seed
+        index, _ = self.atlas.nearest(T_object_face[:, :3, 3])
+        poses, normals, owner = [], [], []
+        for k, nearest in enumerate(index):
+            try:
+                chart = self.atlas.chart(int(nearest))
+            except MeshError:
+                continue
+            u = _disc(n_seed, self._radius, rng)
+            center = chart.points(u)
+            R = palm_against(T_object_face[k, :3, :3], chart.normal_outward)
+            origin = center + self._face_height * chart.normal_outward
+            poses.append(transform(np.broadcast_to(R, (n_seed, 3, 3)), origin))
+            normals.append(np.broadcast_to(chart.normal_outward, (n_seed, 3)))
+            owner.append(np.full(n_seed, k))
+        if not poses:
+            empty = np.zeros((0, 4, 4))
+            attempts = self.evaluator.attempt(empty, np.zeros(0))
+            return Adapted(attempts, np.zeros(0, dtype=np.int64), np.zeros(0))
+        proposal = np.concatenate(owner)
+        if posture is None:
+            spread, standoff = self._posture(len(proposal), rng)
+        else:
+            spread, standoff = self._posture_near(posture[proposal], rng)
+        T, free = self.evaluator.clear_palm(
+            np.concatenate(poses), np.concatenate(normals), spread, standoff
+        )
+        attempts = self.evaluator.attempt(T[free], spread[free])
+        return Adapted(attempts, proposal[free], standoff[free])
+
+    def destination(self, T_object_face: Array) -> Array:
+        """Where proposals (n, 4, 4) are taken: on the nearest surface point, against its normal.
+
+        The pose of the palm's face at lambda = 0 of the first seed; cheap (some us each).
+        """
+        index, points = self.atlas.nearest(T_object_face[:, :3, 3])
+        normals = self.atlas.surface.normals_outward[index]
+        return transform(palm_against(T_object_face[:, :3, :3], normals), points)
+
+    def _posture(self, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        s = self.settings
+        spread = np.deg2rad(rng.uniform(0.0, s.spread_max_deg, n))
+        # Half of the hands start with the fingers opposed or evenly around: good guesses.
+        favourite = rng.random(n) < 0.5
+        spread[favourite] = rng.choice([0.0, np.pi / 6, np.pi / 3, np.pi / 2], favourite.sum())
+        spread = np.minimum(spread, np.deg2rad(s.spread_max_deg))
+        standoff = np.where(
+            rng.random(n) < s.standoff_share, rng.uniform(0.0, s.standoff_max_m, n), 0.0
+        )
+        standoff[_first_of(n, s.n_seed)] = 0.0
+        return spread, standoff
+
+    def _posture_near(self, posture: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        s = self.settings
+        n = len(posture)
+        vary = ~_first_of(n, s.n_seed)
+        step = np.array([np.deg2rad(s.vary_spread_deg), s.vary_standoff_m])
+        posture = posture + vary[:, None] * step * rng.standard_normal((n, 2))
+        free = vary & (rng.random(n) < s.free_share)
+        posture[free] = np.stack(self._posture(n, rng), axis=1)[free]
+        limit = [np.deg2rad(s.spread_max_deg), s.standoff_max_m]
+        spread, standoff = np.clip(posture, 0.0, limit).T
+        return spread, standoff
+
+
+def _first_of(n: int, n_seed: int) -> NDArray[np.bool_]:
+    """Which of n rows are the first seed of their proposal."""
+    return np.asarray(np.arange(n) % n_seed == 0)
+
+
+def palm_against(R: Array, normal_outward: Array) -> Array:
+    """Turn rotations (..., 3, 3) by the smallest angle so that their z is ``-normal_outward``."""
+    z = R[..., :, 2]
+    target = -np.asarray(normal_outward)
+    axis = np.cross(z, target)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    cosine = np.sum(z * target, axis=-1, keepdims=True)
+    # Opposite directions leave the axis open; the palm's x does.
+    parallel = sine < 1e-12
+    axis = np.where(parallel, R[..., :, 0], axis / np.where(parallel, 1.0, sine))
+    turn = Rotation.from_rotvec((axis * np.arctan2(sine, cosine)).reshape(-1, 3)).as_matrix()
+    return np.asarray(turn.reshape(R.shape) @ R)
+
+
+def _disc(n: int, radius: float, rng: np.random.Generator) -> Array:
+    """Points (n, 2) in a disc, the first one its centre."""
+    r = radius * np.sqrt(rng.random(n))
+    a = rng.uniform(0.0, 2.0 * np.pi, n)
+    u = np.stack([r * np.cos(a), r * np.sin(a)], axis=1)
+    u[0] = 0.0
+    return u

@@ -1,0 +1,189 @@
+"""Where a hand's links go on the way to a grasp: approach, closing, and the closed hand.
+
+Every motion is a chain of straight moves of the links' convex pieces: the approach exactly, the
+closing by samples of the drive's law so dense that a link's true arc leaves the straight move
+by no more than a known bow. The hull of a convex piece at both ends of a move holds all between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
+from gpis_grasp_planner.hand.kinematics import link_transforms
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_STEP_RAD = 0.1
+_BROKEN_AWAY_RAD = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class HandPieces:
+    """A hand's P convex pieces, packed; vertices are in the frame of their link.
+
+    Attributes
+    ----------
+    link : (P,) int array
+    start : (P + 1,) int array
+        Rows of `vertices` per piece.
+    vertices : (V, 3) array
+    moving : (P,) bool array
+        Whether the fingers' closing moves the piece.
+    finger : (P,) bool array
+        Whether the piece belongs to a finger (else to the palm group).
+    """
+
+    link: Index
+    start: Index
+    vertices: Array
+    moving: NDArray[np.bool_]
+    finger: NDArray[np.bool_]
+
+    @staticmethod
+    @lru_cache(maxsize=8)
+    def of(hand: HandDescription) -> HandPieces:
+        """Pack a hand's pieces, once per hand."""
+        pieces = [
+            (link, np.asarray(piece.vertices, dtype=float))
+            for link, group in enumerate(hand.link_collision)
+            for piece in group
+        ]
+        link = np.array([number for number, _ in pieces], dtype=np.int64)
+        closing = {i for f in hand.fingers for i in (f.inner_link, f.distal_link)}
+        return HandPieces(
+            link=link,
+            start=np.cumsum([0] + [len(v) for _, v in pieces]).astype(np.int64),
+            vertices=np.concatenate([v for _, v in pieces]),
+            moving=np.array([number in closing for number in link]),
+            finger=np.array([hand.link_friction_group[number] == "finger" for number in link]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class HandMotions:
+    """The motions of B hands, in the object's frame.
+
+    Attributes
+    ----------
+    T : (B, S, L, 4, 4) array
+        Poses of the links; sample 0 is the pre-grasp, the last the closed hand. Each finger has
+        samples of its own, so one between is no moment in time.
+    moves : (B,) int array
+        Moves of the closing; a hand that needs fewer than S - 1 is at rest in the others.
+    back : (B, 3) array [m]
+        From the pre-grasp's place to where the approach begins.
+    bow : (B,) array [m]
+        How far a link's arc between samples leaves the straight move at most.
+    """
+
+    T: Array
+    moves: Index
+    back: Array
+    bow: Array
+
+
+def hand_motions(
+    hand: HandDescription,
+    T_object_palm: Array,
+    pregrasp_joints: Array,
+    joints: Array,
+    back: Array,
+) -> HandMotions:
+    """Motions to B grasps: palms (B, 4, 4), postures (B, J) [rad], `back` (B, 3) [m].
+
+    The fingers follow the drive's law from the pre-grasp: with the coupling up to the closed
+    inner angle, then the distal link alone. A grasp's moves are its own: a batch only appends rest
+    at the closed hand. Some 0.1 ms a grasp in batches.
+    """
+    path, moves, steps = _closing_path(hand, pregrasp_joints, joints)
+    n, samples = path.shape[:2]
+    T_palm_link = link_transforms(hand, path.reshape(n * samples, -1))
+    T = T_object_palm[:, None, None] @ T_palm_link.reshape(n, samples, hand.n_links, 4, 4)
+    # a chord of a curve with acceleration a misses it by a step^2 / 8 at most
+    bow = _acceleration(hand) * steps**2 / 8.0
+    return HandMotions(T, moves, np.asarray(back, dtype=float), bow)
+
+
+def motions_of(hand: HandDescription, grasps: Sequence[Grasp]) -> HandMotions:
+    """Motions to grasps; the approach comes from `approach_distance` back."""
+    return hand_motions(
+        hand,
+        np.stack([g.T_object_palm for g in grasps]),
+        np.stack([g.pregrasp_joints for g in grasps]),
+        np.stack([g.joints for g in grasps]),
+        np.stack([-g.approach_distance * g.approach_direction for g in grasps]),
+    )
+
+
+def shifted(T: Array, move: Array) -> Array:
+    """Link poses (B, L, 4, 4) moved by (B, 3) [m]."""
+    return transform(T[..., :3, :3], T[..., :3, 3] + move[:, None])
+
+
+def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Array, Index, Array]:
+    """Joints (B, S, J) from start to end (B, J), number of moves (B,), largest motor step (B,).
+
+    Each finger divides the way to its breakaway and the one after it by itself, whatever the others
+    and the rest of the batch do. Whoever has arrived waits at the end.
+    """
+    _, m_start = motors_from_joints(hand, start)
+    spread, m_end = motors_from_joints(hand, end)
+    inner = end[:, [finger.inner_joint for finger in hand.fingers]]
+    ratio = hand.drive.distal_per_inner
+    broken = (m_end - inner) * (1.0 + ratio) > _BROKEN_AWAY_RAD
+    stop = np.where(broken, inner, np.inf)
+    kink = np.clip(np.where(broken, inner, m_end), np.minimum(m_start, m_end), m_end)
+    first, second = kink - m_start, m_end - kink
+    n_1, n_2 = np.ceil(np.abs(first) / _STEP_RAD), np.ceil(np.abs(second) / _STEP_RAD)
+    whole_1, whole_2 = np.maximum(n_1, 1.0), np.maximum(n_2, 1.0)
+    moves = np.maximum((n_1 + n_2).max(axis=1), 1.0)
+    sample = np.arange(moves.max() + 1.0)
+    at = sample[:, None]
+    motors = (
+        m_start[:, None]
+        + np.clip(at / whole_1[:, None], 0.0, 1.0) * first[:, None]
+        + np.clip((at - n_1[:, None]) / whole_2[:, None], 0.0, 1.0) * second[:, None]
+    )
+    n, samples = motors.shape[:2]
+    path = joints_from_motors(
+        hand,
+        np.repeat(spread, samples),
+        motors.reshape(n * samples, -1),
+        np.repeat(stop, samples, axis=0),
+    ).reshape(n, samples, -1)
+    path[:, 0] = start
+    path = np.where((sample >= moves[:, None])[..., None], end[:, None], path)
+    steps = np.maximum(np.abs(first) / whole_1, np.abs(second) / whole_2)
+    return path, moves.astype(np.int64), steps.max(axis=1)
+
+
+@lru_cache(maxsize=8)
+def _acceleration(hand: HandDescription) -> float:
+    """Upper bound of a finger point's acceleration per squared motor speed [m/rad^2].
+
+    With the coupling c the distal link's point turns about the inner axis at 1 and about its own
+    at c: offset + r (1 + c)^2; after breakaway about its own at 1 + c: r (1 + c)^2.
+    """
+    pieces = HandPieces.of(hand)
+    most = 0.0
+    turn = (1.0 + hand.drive.distal_per_inner) ** 2
+    for finger in hand.fingers:
+        offset = float(np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3]))
+        for piece in np.flatnonzero(pieces.moving):
+            rows = slice(pieces.start[piece], pieces.start[piece + 1])
+            radius = float(np.linalg.norm(pieces.vertices[rows], axis=1).max())
+            if pieces.link[piece] == finger.distal_link:
+                most = max(most, offset + radius * turn)
+            elif pieces.link[piece] == finger.inner_link:
+                most = max(most, radius)
+    return most

@@ -1,0 +1,193 @@
+"""A plan for one place: who comes first under uncertainty, and what if all is blocked."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpis_grasp_planner.errors import ErrorCode, PoseError
+from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.grasp.order import answer_rank
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
+from gpis_grasp_planner.plan.placing import place_result, plan_around, plan_at
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import PlanRequest
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.surroundings.clearance import clear_grasps
+from gpis_grasp_planner.surroundings.covariance import covariance_in_object
+from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
+from gpis_grasp_planner.surroundings.obstacles import BoxObstacle, SupportPlane, Surroundings
+from gpis_grasp_planner.surroundings.place import Place
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
+
+NOISE = np.diag([0.005**2] * 3 + [np.deg2rad(5.0) ** 2] * 3)
+SETTINGS = PlannerSettings(uncertainty=UncertaintySettings(samples=16))
+REQUEST = PlanRequest(planner="hpp", seed=2, max_evaluations=320, time_budget_s=120.0, n_grasps=8)
+ROCK = Surroundings(None, (BoxObstacle(np.eye(4), np.full(3, 2.0), "rock"),))
+
+
+@pytest.fixture(scope="module")
+def mug():
+    return MeshCatalogue([default_catalogue_directory()]).load("mug")
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return GraspPlanner(SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def plan(planner, mug):
+    result = planner.plan(mug, REQUEST)
+    assert len(result.grasps) >= 4
+    return result
+
+
+@pytest.fixture(scope="module")
+def table(mug):
+    """A place where the mug stands turned and moved on a table."""
+    T = from_position_quat_xyzw([0.3, -0.2, 0.8], [0.0, 0.0, 0.6, 0.8])
+    plane = SupportPlane(np.array([0.0, 0.0, 0.8 + mug.mesh.bounds[0][2]]), np.array([0.0, 0, 1]))
+    return Place(T, Surroundings(plane))
+
+
+def test_a_place_with_nothing_changes_nothing(planner, mug, plan):
+    assert not Place()
+    answer = place_result(planner, mug, plan, Place())
+    assert answer.result.grasps == plan.grasps
+    assert answer.lift_direction is None
+    assert place_result(planner, mug, plan, Place(), n_grasps=2).result.grasps == plan.grasps[:2]
+
+
+def test_hold_probabilities_are_those_of_the_ranking_and_decide_the_order(planner, mug, plan):
+    answer = place_result(planner, mug, plan, Place(covariance=NOISE))
+    prepared = planner.prepare(mug)
+    evaluator = CompiledEvaluator(
+        planner.hand, mug, plan.friction, SETTINGS.scene, prepared.field, prepared.tree
+    )
+    _, estimates = rank_under_uncertainty(
+        evaluator, planner.hand, plan.grasps, NOISE, SETTINGS.uncertainty,
+        np.random.default_rng(REQUEST.seed),
+    )  # fmt: skip
+    expected = {
+        g.T_object_palm.tobytes(): e.probability
+        for g, e in zip(plan.grasps, estimates, strict=True)
+    }
+    found = {g.T_object_palm.tobytes(): g.hold_probability for g in answer.result.grasps}
+    assert found == expected
+    in_order = [g.hold_probability for g in answer.result.grasps]
+    assert in_order == sorted(in_order, reverse=True)
+    assert len(set(in_order)) > 1
+    # few are the best of all that were looked at, not of the first
+    few = place_result(planner, mug, plan, Place(covariance=NOISE), n_grasps=2).result
+    assert [g.hold_probability for g in few.grasps] == in_order[:2]
+    assert few.message.startswith(f"2 grasps of 'mug' out of {len(plan.grasps)}")
+
+
+def test_what_held_in_physics_stays_first(planner, mug, plan):
+    worst = place_result(planner, mug, plan, Place(covariance=NOISE)).result.grasps[-1]
+    held = Trials((TrialOutcome("strict", True),))
+    tried = [
+        replace(g, trials=held) if g.T_object_palm is worst.T_object_palm else g
+        for g in plan.grasps
+    ]
+    answer = place_result(planner, mug, replace(plan, grasps=tuple(tried)), Place(covariance=NOISE))
+    assert answer.result.grasps[0].T_object_palm is worst.T_object_palm
+    ranks = [answer_rank(g, SETTINGS.hpp.volume_weight) for g in answer.result.grasps]
+    assert ranks == sorted(ranks)
+
+
+def test_covariances_can_be_left_alone(mug, plan):
+    off = GraspPlanner(PlannerSettings(uncertainty=UncertaintySettings(method="none")))
+    answer = place_result(off, mug, plan, Place(covariance=NOISE))
+    assert answer.result.grasps == plan.grasps
+
+
+def test_a_bad_covariance_is_refused(planner, mug, plan):
+    with pytest.raises(PoseError) as caught:
+        place_result(planner, mug, plan, Place(covariance=-NOISE))
+    assert caught.value.code == ErrorCode.INVALID_COVARIANCE
+
+
+def test_after_the_deadline_one_grasp_is_still_estimated(planner, mug, plan):
+    answer = place_result(
+        planner, mug, plan, Place(covariance=NOISE), deadline=time.monotonic() - 1.0
+    )
+    known = [g for g in answer.result.grasps if g.hold_probability is not None]
+    assert len(known) == 1
+    assert len(answer.result.grasps) == len(plan.grasps)
+    assert f"1 of {len(plan.grasps)}" in answer.result.notes[-1]
+
+
+def test_answers_on_a_table_are_clear_and_have_both(planner, mug, plan, table):
+    C = covariance_in_object(NOISE, table.T_world_object[:3, :3])
+    answer = place_result(planner, mug, plan, replace(table, covariance=C))
+    grasps = answer.result.grasps
+    assert grasps
+    found = clear_grasps(planner.hand, grasps, table.around(), SETTINGS.clearance)
+    assert all(clearance.clear for clearance in found)
+    assert [c.distance_m for c in found] == pytest.approx(
+        [c.distance_m for c in answer.clearances], abs=1e-9
+    )
+    for grasp in grasps:
+        assert 0.0 <= grasp.hold_probability <= 1.0
+        assert grasp.way_out == pytest.approx([0.0, 0.0, 1.0])
+    assert Place.from_mapping(answer.result.place).around().support.point == pytest.approx(
+        table.around().support.point
+    )
+
+
+def test_only_verified_grasps_where_those_are_required(planner, mug, plan, table):
+    """No grasp of the reserve, which nobody tried, may slip into such an answer."""
+    strict = replace(plan, request=replace(REQUEST, verification="require"))
+    own = {g.T_object_palm.tobytes() for g in plan.grasps}
+    for grasp in place_result(planner, mug, strict, table).result.grasps:
+        assert grasp.T_object_palm.tobytes() in own
+    loose = place_result(planner, mug, plan, table).result.grasps
+    assert {g.T_object_palm.tobytes() for g in loose} - own
+
+
+def test_a_grasp_that_is_in_the_reserve_as_well_is_answered_once(planner, mug, plan, table):
+    first = replace(plan.reserve.estimates[0], trials=Trials((TrialOutcome("strict", True),)))
+    doubled = replace(plan, grasps=(first, *plan.grasps))
+    grasps = place_result(planner, mug, doubled, table, n_grasps=100).result.grasps
+    poses = [g.T_object_palm.tobytes() for g in grasps]
+    assert len(set(poses)) == len(poses)
+
+
+def test_where_all_kept_are_blocked_another_search_finds_what_there_is(planner, mug, plan, table):
+    """The plan is made poor: of its grasps only those are kept that come through the table."""
+    found = clear_grasps(planner.hand, plan.grasps, table.around(), SETTINGS.clearance)
+    bad = tuple(g for g, c in zip(plan.grasps, found, strict=True) if not c.clear)
+    assert bad
+    poor = replace(plan, grasps=bad, reserve=replace(plan.reserve, estimates=()))
+    first = place_result(planner, mug, poor, table)
+    assert first.result.code == ErrorCode.ALL_GRASPS_BLOCKED
+    answer = plan_around(planner, mug, REQUEST, table, "palm 3")
+    assert answer.result.code == ErrorCode.SUCCESS
+    again = clear_grasps(planner.hand, answer.result.grasps, table.around(), SETTINGS.clearance)
+    assert all(c.clear for c in again)
+    assert "palm 3" in answer.result.notes[-1]
+
+
+def test_inside_rock_the_counts_are_told(planner, mug):
+    request = replace(REQUEST, max_evaluations=64, n_grasps=2)
+    free, answer = plan_at(planner, mug, request, Place(surroundings=ROCK))
+    assert free.code == ErrorCode.SUCCESS
+    assert free.place is None
+    assert answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED
+    assert answer.result.grasps == ()
+    kept = len(free.grasps) + len(free.reserve)
+    assert f"(palm {kept})" in answer.result.message
+    assert f"in {answer.result.evaluations} attempts" in answer.result.message
+
+
+def test_without_a_place_the_plan_is_the_answer(planner, mug):
+    request = replace(REQUEST, max_evaluations=64, n_grasps=2)
+    free, answer = plan_at(planner, mug, request, Place())
+    assert answer.result is free

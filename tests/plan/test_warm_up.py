@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from gpis_grasp_planner import errors
+from gpis_grasp_planner.plan.warm_up import box_part, main, warm_up
+
+PACKAGE_ROOT = Path(errors.__file__).parents[1]
+
+
+def test_it_finds_grasps_and_says_what_it_does(capsys) -> None:
+    assert main() == 0
+    said = capsys.readouterr().out
+    assert "implicit surface" in said
+    assert "planner hpp" in said
+    assert "grasps of a box" in said
+
+
+def test_one_planner_alone() -> None:
+    said: list[str] = []
+    assert warm_up(["random-adaption"], said.append) > 0
+    steps = [line.split(":")[0] for line in said]
+    assert steps[-3:] == ["planner random-adaption", "confirmation", "placing"]
+
+
+def test_the_box_is_closed_and_faces_outwards() -> None:
+    part = box_part()
+    corners = part.mesh.triangles
+    volume = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    np.testing.assert_allclose(volume, part.volume, rtol=1e-12)
+    np.testing.assert_allclose(part.mesh.extent, [0.04, 0.05, 0.07])
+
+
+def test_a_plan_after_it_compiles_nothing_more() -> None:
+    """No compiled function has a new signature after a real part is planned and placed."""
+    program = """
+import sys
+from numba.core.registry import CPUDispatcher
+from gpis_grasp_planner.plan.warm_up import warm_up
+from gpis_grasp_planner.plan.placing import plan_at
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.surroundings.place import Place
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
+from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.plan.request import PlanRequest
+
+def signatures():
+    modules = [m for n, m in sys.modules.items() if n.startswith("gpis_grasp_planner")]
+    return {
+        f"{d.py_func.__module__}.{d.py_func.__name__} {s}"
+        for m in modules for d in vars(m).values() if isinstance(d, CPUDispatcher)
+        for s in d.signatures
+    }
+
+warm_up(["dual"])
+before = signatures()
+part = MeshCatalogue([default_catalogue_directory()]).load("flask")
+request = PlanRequest(planner="dual", max_evaluations=128, n_grasps=2, time_budget_s=120.0)
+place = Place.from_mapping({
+    "support": {"point": part.mesh.bounds[0].tolist()},
+    "obstacles": [
+        {"position": [0.2, 0, 0], "size": [0.1, 0.1, 0.1]},
+        {"position": [0, 0.3, 0], "mesh": "flask"},
+    ],
+    "covariance": [1e-6] * 6,
+}, lambda _: part.mesh)
+settings = PlannerSettings(uncertainty=UncertaintySettings(method="unscented"))
+plan_at(GraspPlanner(settings), part, request, place)
+print(len(before))
+print(*sorted(signatures() - before), sep="\\n")
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(PACKAGE_ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    count, *new = run.stdout.split("\n")
+    assert int(count) > 5
+    assert "".join(new) == ""

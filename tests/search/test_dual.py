@@ -1,0 +1,97 @@
+"""The two stages in one budget."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.search.dual import DualOptimiser
+from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
+from gpis_grasp_planner.search.refinement.contact_refinement import ContactRefinement
+
+
+@pytest.fixture
+def stages(monkeypatch):
+    """Attempts of the two stages, in order: list of (stage, Attempts)."""
+    record = []
+
+    def watch(cls, name, stage):
+        watched = getattr(cls, name)
+
+        def watch_archive(self, *args):
+            add = self._context.archive.add
+            object.__setattr__(
+                self._context.archive,
+                "add",
+                lambda attempts: record.append((stage, attempts)) or add(attempts),
+            )
+            result = watched(self, *args)
+            object.__delattr__(self._context.archive, "add")
+            return result
+
+        monkeypatch.setattr(cls, name, watch_archive)
+
+    watch(PalmPoseOptimiser, "propose", 1)
+    watch(ContactRefinement, "step", 2)
+    return record
+
+
+def run(context, n):
+    search = DualOptimiser(context)
+    while not search.finished and context.evaluator.n_attempts < n:
+        search.step()
+    return search
+
+
+@pytest.mark.parametrize(("mesh_id", "seed"), [("bracket", 0), ("mug", 1)])
+def test_the_best_is_never_worse_than_the_first_stages(
+    mesh_id, seed, stages, make_context, catalogue
+):
+    context = make_context(catalogue.load(mesh_id), seed=seed)
+    run(context, 300)
+    weight = context.settings.hpp.volume_weight
+    best = {
+        stage: max(a.objective(weight).max(initial=0.0) for s, a in stages if s == stage)
+        for stage in (1, 2)
+    }
+    assert min(best.values()) > 0.0
+    assert context.archive.best(1)[0].objective == pytest.approx(max(best.values()), rel=1e-15)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.9])
+def test_the_second_stage_gets_its_share(share, stages, make_context, sphere, recording_evaluator):
+    settings = PlannerSettings.from_mapping(
+        {"dual": {"second_stage_share": share}, "adaption": {"n_seed": 25}}
+    )
+    context = make_context(sphere, settings=settings, evaluator=recording_evaluator())
+    run(context, 4000)
+    n = [sum(len(a) for s, a in stages if s == stage) for stage in (1, 2)]
+    assert sum(n) == context.evaluator.n_attempts
+    assert n[1] / sum(n) == pytest.approx(share, abs=0.05)
+
+
+def test_the_second_stage_waits_for_a_grasp(stages, make_context, sphere, recording_evaluator):
+    evaluator = recording_evaluator(figures=lambda T, spread: np.full(len(T), -1.0))
+    context = make_context(sphere, evaluator=evaluator)
+    run(context, 500)
+    assert {stage for stage, _ in stages} == {1}
+
+
+def test_without_a_grasp_it_ends_with_the_first_stage(make_context, sphere, recording_evaluator):
+    settings = PlannerSettings.from_mapping({"hpp": {"n_initial": 4, "n_iter": 3, "batch": 2}})
+    evaluator = recording_evaluator(figures=lambda T, spread: np.full(len(T), -1.0))
+    context = make_context(sphere, settings=settings, evaluator=evaluator)
+    search = run(context, 10**9)
+    assert search.finished
+    assert evaluator.n_attempts == 7 * settings.adaption.n_seed
+
+
+def test_after_the_first_stage_the_second_goes_on(
+    stages, make_context, sphere, recording_evaluator
+):
+    settings = PlannerSettings.from_mapping({"hpp": {"n_initial": 2, "n_iter": 0}})
+    context = make_context(sphere, settings=settings, evaluator=recording_evaluator())
+    search = run(context, 400)
+    assert not search.finished
+    assert [stage for stage, _ in stages][-10:] == [2] * 10
