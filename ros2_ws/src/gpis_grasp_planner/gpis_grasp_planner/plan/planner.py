@@ -6,21 +6,18 @@ the ROS node and the command line call nothing below it.
 
 from __future__ import annotations
 
-import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
-from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.plan.preparation import Preparation, PreparedObject
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult, Progress
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
@@ -29,28 +26,16 @@ from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext, Search
 from gpis_grasp_planner.search.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import check_planner, make_search
-from gpis_grasp_planner.surface.atlas import SurfaceAtlas
-from gpis_grasp_planner.surface.implicit_surface import fit_part
 from gpis_grasp_planner.surroundings.clear_evaluator import ClearEvaluator
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
 from gpis_grasp_planner.verification.selection import Selection, select
 
-_KEPT_OBJECTS = 4
 _PROGRESS_INTERVAL_S = 0.1
 _SECONDS_PER_FINALIST = 0.09
 _SECONDS_AFTER_CANCEL = 0.2
 _SHORTEST_ROUND_S = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedObject:
-    """What is made once per mesh: distance field, triangle tree, and the atlas of the GPIS."""
-
-    field: DistanceField
-    tree: TriangleTree
-    atlas: SurfaceAtlas
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,29 +65,14 @@ class GraspPlanner:
     def __init__(self, settings: PlannerSettings | None = None, hand: str = DEFAULT_HAND):
         self.settings = settings or PlannerSettings()
         self.hand = load_hand(hand)
-        self._prepared: OrderedDict[str, PreparedObject] = OrderedDict()
-        self._lock = threading.Lock()
+        self._preparation = Preparation(self.settings)
 
     def prepare(self, part: Part) -> PreparedObject:
         """Fit the surface and sample the distance field of a part (0.3 to 1.5 s), once.
 
         May be called from several threads.
         """
-        key = part.mesh.content_hash
-        with self._lock:
-            prepared = self._prepared.get(key)
-        # Made without the lock: who asks for another part that is known shall not wait.
-        prepared = prepared or PreparedObject(
-            field=DistanceField.of(part.mesh, cells=self.settings.scene.field_cells),
-            tree=TriangleTree.of(part.mesh),
-            atlas=SurfaceAtlas(fit_part(part.mesh, self.settings.surface)),
-        )
-        with self._lock:
-            self._prepared[key] = prepared
-            self._prepared.move_to_end(key)
-            while len(self._prepared) > _KEPT_OBJECTS:
-                self._prepared.popitem(last=False)
-        return prepared
+        return self._preparation.of(part)
 
     def plan(
         self,
