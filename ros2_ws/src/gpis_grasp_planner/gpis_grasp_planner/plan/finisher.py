@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.order import answer_rank
+from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.search.archive import Candidate
 from gpis_grasp_planner.search.context import PlanningContext
@@ -57,8 +57,14 @@ class Finisher:
     cost_s: float = _FIRST_COST_S
     n_confirmed: int = 0
     n_seen: int = 0
+    _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
     _known: dict[bytes, FinishedGrasp | None] = field(default_factory=dict, repr=False)
     _spent_s: float = 0.0
+
+    def add(self, finished: Sequence[FinishedGrasp]) -> None:
+        """Take grasps of an earlier plan into the competition."""
+        self._added.extend(finished)
+        self._known.update({_palm(f.grasp): f for f in finished})
 
     def best(self, n: int, until: float | None = None, fresh: int | None = None) -> list[Grasp]:
         """The best finished grasps among the archive's best distinct candidates.
@@ -77,7 +83,7 @@ class Finisher:
         list of Grasp
             By exact epsilon + lambda volume.
         """
-        done: list[Grasp] = []
+        done = [finished.grasp for finished in self._added]
         for candidate in self.context.archive.best(int(np.ceil(_SPARE * n))):
             key = _key(candidate)
             if key not in self._known:
@@ -90,7 +96,12 @@ class Finisher:
             if finished is not None:
                 done.append(finished.grasp)
         weight = self.context.settings.hpp.volume_weight
-        return sorted(done, key=lambda grasp: answer_rank(grasp, weight))[:n]
+        done.sort(key=lambda grasp: answer_rank(grasp, weight))
+        if not self._added:
+            return done[:n]  # the archive's best are distinct
+        T = np.stack([grasp.T_object_palm for grasp in done])
+        chosen = distinct(T, np.arange(len(done)), self.context.max_radius, n)
+        return [done[i] for i in chosen]
 
     def time_for(self, n: int) -> float:
         """What it will take to finish the best `n` distinct candidates that there are now [s]."""
@@ -102,7 +113,7 @@ class Finisher:
 
     def clearance_of(self, grasp: Grasp) -> Clearance:
         """Of a grasp from :meth:`best`, whatever was added to it since."""
-        finished = self._known[grasp.T_object_palm.tobytes()]
+        finished = self._known[_palm(grasp)]
         if finished is None:
             raise KeyError("The grasp was not finished here.")
         return finished.clearance
@@ -130,3 +141,7 @@ class Finisher:
 
 def _key(candidate: Candidate) -> bytes:
     return candidate.T_object_palm.tobytes()
+
+
+def _palm(grasp: Grasp) -> bytes:
+    return grasp.T_object_palm.tobytes()
