@@ -42,13 +42,28 @@ def causes_text(blocked: Mapping[Cause, int]) -> str:
     return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
 
 
-def found_text(part: Part, n_grasps: int, placed: bool, blocked: Mapping[Cause, int]) -> str:
-    """The message of an answer with grasps."""
+def found_text(
+    mesh_id: str, n_grasps: int, blocked: Mapping[Cause, int], *, placed: bool, by_hold: bool
+) -> str:
+    """The message of an answer with grasps.
+
+    Parameters
+    ----------
+    mesh_id : str
+    n_grasps : int
+    blocked : mapping of Cause to int
+        What the surroundings forbade.
+    placed : bool
+        Whether there are surroundings.
+    by_hold : bool
+        Whether the probability to hold had a say in the order.
+    """
     clear = " clear of the surroundings" if placed else ""
+    order = ", ranked by the probability to hold under the pose's covariance" if by_hold else ""
     causes = causes_text(blocked)
     forbidden = f" Blocked here: {causes}." if causes else ""
     plural = "" if n_grasps == 1 else "s"
-    return f"{n_grasps} grasp{plural} of '{part.mesh_id}'{clear}, best first.{forbidden}"
+    return f"{n_grasps} grasp{plural} of '{mesh_id}'{clear}, best first{order}.{forbidden}"
 
 
 def nothing_found(

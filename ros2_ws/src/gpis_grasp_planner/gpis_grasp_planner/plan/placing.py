@@ -17,7 +17,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.grasp.reserve import Reserve
-from gpis_grasp_planner.plan.answer import Answer, causes_text
+from gpis_grasp_planner.plan.answer import Answer, causes_text, found_text
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -110,7 +110,7 @@ def place_known(
         ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
     blocked = Counter(clearance.cause for clearance in found if clearance.cause is not None)
     answered = tuple(ranked[: request.n_grasps])
-    code, message = _message(known, answered, len(kept), found, blocked, bool(placing.around))
+    code, message = _message(known, answered, found, blocked, bool(placing.around), hold.needed)
     result = replace(
         known,
         code=code,
@@ -198,18 +198,14 @@ def _left_over(known: PlanResult, answered: Sequence[Grasp]) -> Reserve:
 def _message(
     known: PlanResult,
     answered: Sequence[Grasp],
-    n_kept: int,
     found: Sequence[Clearance],
     blocked: Counter[Cause],
     placed: bool,
+    by_hold: bool,
 ) -> tuple[ErrorCode, str]:
-    if answered and not placed:
-        return ErrorCode.SUCCESS, f"{len(answered)} grasps of '{known.mesh_id}', best first."
     if answered:
-        causes = f" ({causes_text(blocked)})" if blocked else ""
-        return ErrorCode.SUCCESS, (
-            f"{len(answered)} grasps of '{known.mesh_id}' clear of the surroundings, best first; "
-            f"{blocked.total()} of {n_kept} kept are blocked{causes}."
+        return ErrorCode.SUCCESS, found_text(
+            known.mesh_id, len(answered), blocked, placed=placed, by_hold=by_hold
         )
     if not blocked:  # nothing was kept, or what was clear has no force closure
         return ErrorCode.NO_FEASIBLE_GRASP, f"No grasp of '{known.mesh_id}' is known here."

@@ -257,7 +257,14 @@ class PlanRun:
         reserve = self._reserve(chosen, left_out)
         result = self._result(
             code,
-            message or found_text(part, len(chosen), bool(self.place.surroundings), self.blocked),
+            message
+            or found_text(
+                part.mesh_id,
+                len(chosen),
+                self.blocked,
+                placed=bool(self.place.surroundings),
+                by_hold=self._hold.needed,
+            ),
             chosen,
             best_attempt,
             notes + of_hold,
