@@ -16,7 +16,7 @@ MAX_LINES = 400
 
 # Bottom first; a module imports from its own folder and from the levels below it.
 LEVELS = (
-    {"errors", "compiled_cache"},
+    {"errors", "compiled_cache", "thread_limits"},
     {"settings", "forked_child"},
     {"geometry"},
     {"surface", "hand"},

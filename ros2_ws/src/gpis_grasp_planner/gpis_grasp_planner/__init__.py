@@ -6,6 +6,7 @@ The core (everything but ``ros``) imports without ROS. Start reading at ``planne
 from pathlib import Path
 
 from gpis_grasp_planner.compiled_cache import select_cache
+from gpis_grasp_planner.thread_limits import limit_threads
 
 __version__ = "0.1.0"
 
@@ -14,3 +15,4 @@ __version__ = "0.1.0"
 __path__ = [str(Path(__file__).resolve().parent)]
 
 select_cache()
+limit_threads()

@@ -25,7 +25,7 @@ class Answer:
         are the beginning of an answer for another place.
     clearances : tuple of Clearance
         One per grasp of the result.
-    blocked : mapping of Cause to int
+    blocked : mapping of cause to int
         Grasps with force closure that the surroundings forbid, by cause.
     lift_direction : (3,) array or None
         Unit vector away from the support, in the object's frame; None without support.
@@ -33,17 +33,17 @@ class Answer:
 
     result: PlanResult
     clearances: tuple[Clearance, ...]
-    blocked: Mapping[Cause, int]
+    blocked: Mapping[str, int]
     lift_direction: NDArray[float64] | None = None
 
 
-def causes_text(blocked: Mapping[Cause, int]) -> str:
+def causes_text(blocked: Mapping[str, int]) -> str:
     """Counts by cause, such as "palm 3, finger 12"."""
     return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
 
 
 def found_text(
-    mesh_id: str, n_grasps: int, blocked: Mapping[Cause, int], *, placed: bool, by_hold: bool
+    mesh_id: str, n_grasps: int, blocked: Mapping[str, int], *, placed: bool, by_hold: bool
 ) -> str:
     """The message of an answer with grasps.
 
@@ -51,7 +51,7 @@ def found_text(
     ----------
     mesh_id : str
     n_grasps : int
-    blocked : mapping of Cause to int
+    blocked : mapping of cause to int
         What the surroundings forbade.
     placed : bool
         Whether there are surroundings.
@@ -67,7 +67,7 @@ def found_text(
 
 
 def nothing_found(
-    part: Part, attempts: int, blocked: Mapping[Cause, int], n_disagreed: int
+    part: Part, attempts: int, blocked: Mapping[str, int], n_disagreed: int
 ) -> tuple[ErrorCode, str]:
     """Code and message where a search ended without a grasp.
 
@@ -75,7 +75,7 @@ def nothing_found(
     ----------
     part : Part
     attempts : int
-    blocked : mapping of Cause to int
+    blocked : mapping of cause to int
     n_disagreed : int
         Grasps that PyBullet's scene did not agree with.
     """

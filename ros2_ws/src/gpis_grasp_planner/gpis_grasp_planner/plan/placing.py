@@ -23,7 +23,7 @@ from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
-from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
+from gpis_grasp_planner.surroundings.clearance import Clearance
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
 from gpis_grasp_planner.surroundings.similarity import same_surroundings
@@ -101,16 +101,16 @@ def place_known(
         )
     with monitor.phase(Phase.PLACING):
         # In free space nothing is blocked: the plan's own grasps are its best.
-        spare = _spare(known, request) if placing.around else []
+        spare = _spare(known, request) if placing.constrained else []
         kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
         kept, found = placing.clear(kept)
         chosen = _best(known, kept, spare, found, hold.candidates(request.n_grasps), monitor)
         grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
         of = dict(zip(map(_palm, grasps), clearances, strict=True))
         ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
-    blocked = Counter(clearance.cause for clearance in found if clearance.cause is not None)
+    blocked = Counter[str](clearance.cause for clearance in found if clearance.cause is not None)
     answered = tuple(ranked[: request.n_grasps])
-    code, message = _message(known, answered, found, blocked, bool(placing.around), hold.needed)
+    code, message = _message(known, answered, found, blocked, placing.constrained, hold.needed)
     result = replace(
         known,
         code=code,
@@ -132,7 +132,18 @@ def place_known(
         None if support is None else support.normal,
     )
     finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
-    return KnownAnswer(answer, finished, _same_place(known, placing.around, part.max_radius))
+    same = _same_place(known, placing.around, part.max_radius) and _same_wishes(known, request)
+    return KnownAnswer(answer, finished, same)
+
+
+def _same_wishes(known: PlanResult, request: PlanRequest) -> bool:
+    """Whether the earlier plan was free to use all that this request allows."""
+    return _wishes(known.request) == _wishes(request)
+
+
+def _wishes(request: PlanRequest) -> tuple[object, ...]:
+    cone = None if request.approach is None else request.approach.as_mapping()
+    return cone, tuple(str(region.as_mapping()) for region in request.forbidden)
 
 
 def _same_place(known: PlanResult, around: Surroundings, radius: float) -> bool:
@@ -199,7 +210,7 @@ def _message(
     known: PlanResult,
     answered: Sequence[Grasp],
     found: Sequence[Clearance],
-    blocked: Counter[Cause],
+    blocked: Counter[str],
     placed: bool,
     by_hold: bool,
 ) -> tuple[ErrorCode, str]:
