@@ -5,12 +5,8 @@ The core (everything but ``ros``) imports without ROS. Start reading at ``planne
 
 from pathlib import Path
 
-from gpis_grasp_planner.compiled_cache import select_cache
-
 __version__ = "0.1.0"
 
 # Numba keys what it compiled by the path of the source; a workspace built with symbolic links has
 # two paths to each, and would compile everything twice.
 __path__ = [str(Path(__file__).resolve().parent)]
-
-select_cache()
