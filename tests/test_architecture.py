@@ -16,7 +16,7 @@ MAX_LINES = 400
 
 # Bottom first; a module imports from its own folder and from the levels below it.
 LEVELS = (
-    {"errors", "whole_file", "compiled_cache"},
+    {"errors", "whole_file", "compiled_cache", "thread_limits"},
     {"compiled"},
     {"settings", "forked_child"},
     {"geometry"},

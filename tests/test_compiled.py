@@ -15,7 +15,7 @@ import pytest
 
 import gpis_grasp_planner
 from gpis_grasp_planner import compiled
-from gpis_grasp_planner.compiled import FunctionFiles, is_ready, mark_ready, njit
+from gpis_grasp_planner.compiled import FunctionFiles, is_ready, mark_ready, njit, when_compiling
 
 
 def twice(x):
@@ -142,6 +142,24 @@ def test_ready_is_said_of_this_machine_only(folder: Path, monkeypatch: pytest.Mo
     assert not is_ready("hpp")
     monkeypatch.setattr(compiled, "_machine", lambda: b"another processor")
     assert not is_ready("dual")
+
+
+def test_the_listener_goes_with_its_block(folder: Path) -> None:
+    heard: list[str] = []
+    with when_compiling(lambda: heard.append("compiling")):
+        pass
+    njit(twice)(1)
+    assert heard == []
+
+
+def test_loading_is_not_compiling(folder: Path) -> None:
+    heard: list[str] = []
+    with when_compiling(lambda: heard.append("compiling")):
+        njit(twice)(1)
+        assert heard == ["compiling"]
+    with when_compiling(lambda: heard.append("again")):
+        njit(twice)(1)
+    assert heard == ["compiling"]
 
 
 def test_options_of_numba_go_through(folder: Path) -> None:

@@ -14,11 +14,13 @@ import hashlib
 import logging
 import pickle
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
@@ -56,6 +58,28 @@ def is_ready(task: str) -> bool:
 def mark_ready(task: str) -> None:
     """Note that all that a task needs lies on disk."""
     _write(f"ready-{task}", _machine())
+
+
+@contextmanager
+def when_compiling(say: Callable[[], None]) -> Iterator[None]:
+    """Call `say` once, when the first function is compiled that does not lie on disk.
+
+    A slow machine that loads compiled code compiles nothing, and hears nothing.
+    """
+
+    class FirstCompilation(event.Listener):
+        said = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ARG002
+            if not self.said:
+                self.said = True
+                say()
+
+        def on_end(self, event: Any) -> None:
+            """Nothing to do."""
+
+    with event.install_listener("numba:compile", FirstCompilation()):
+        yield
 
 
 class FunctionFiles(_Cache):

@@ -16,14 +16,9 @@ import threading
 from gpis_grasp_planner.benchmark.runs import Record, Task
 from gpis_grasp_planner.errors import GraspPlannerError, SystemFault
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.thread_limits import THREAD_VARIABLES
 
 _MODULE = "gpis_grasp_planner.benchmark.single_run"
-_ONE_THREAD = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
 # Beyond the budget: imports, and compiling where nothing is compiled yet.
 _GRACE_S = 300.0
 _LAST_WORDS = 400
@@ -45,7 +40,7 @@ class RunProcesses:
         SystemFault
             If the process dies, hangs, or :meth:`stop` was called.
         """
-        environment = {**os.environ, **dict.fromkeys(_ONE_THREAD, "1")}
+        environment = {**os.environ, **dict.fromkeys(THREAD_VARIABLES, "1")}
         with self._lock:
             if self._stopped:
                 raise SystemFault("The benchmark was stopped.")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from gpis_grasp_planner.cli import output
 
+COMPILING = "gpis-grasp: compiling the planner, once after an installation or change (1 min) ..."
+
 
 def ready_to_plan(planner: str) -> None:
     """Compile what `planner` needs where that has not been done on this machine, and say so.
@@ -13,13 +15,13 @@ def ready_to_plan(planner: str) -> None:
     RequestError
         For an unknown planner.
     """
-    from gpis_grasp_planner.compiled import is_ready
+    from gpis_grasp_planner.compiled import is_ready, when_compiling
     from gpis_grasp_planner.search.searches import check_planner
 
     check_planner(planner)
     if is_ready(planner):
         return
-    output.note("gpis-grasp: compiling the planner, once after an installation or change (1 min)")
-    from gpis_grasp_planner.plan.warm_up import warm_up
+    with when_compiling(lambda: output.note(COMPILING)):
+        from gpis_grasp_planner.plan.warm_up import warm_up
 
-    warm_up([planner])
+        warm_up([planner])

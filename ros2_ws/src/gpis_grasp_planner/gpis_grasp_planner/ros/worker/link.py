@@ -82,9 +82,6 @@ class WorkerLink:
         self._connection, theirs = Pipe()
         _limit_sending(self._connection)
         environment = dict(os.environ)
-        # One core per plan: figures are those of one core, and the node's threads stay free.
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
-            environment.setdefault(name, "1")
         # 30 MB: arrays of this size and more go back to the system at once. By default glibc
         # raises the limit as they come, and keeps the gaps that they leave.
         environment.setdefault("MALLOC_MMAP_THRESHOLD_", "262144")

@@ -1,0 +1,63 @@
+"""One thread for BLAS in whatever process uses the planner, unless it was told otherwise."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gpis_grasp_planner
+from gpis_grasp_planner.thread_limits import THREAD_VARIABLES, limit_threads
+
+PACKAGE_ROOT = Path(gpis_grasp_planner.__file__).parents[1]
+
+# Threads of a process that has used the linear algebra of numpy and of scipy, each with a library
+# of its own, on matrices that are large enough for threads. OpenBLAS starts as many as it may use
+# when it is loaded, but no more than there are processors.
+COUNT = """
+import {module}
+import numpy as np
+import scipy.linalg
+a = np.ones((600, 600)) + 600.0 * np.eye(600)
+a @ a
+scipy.linalg.cho_factor(a)
+print(*[line.split()[1] for line in open("/proc/self/status") if line.startswith("Threads:")])
+"""
+
+
+def threads(module: str, **given: str) -> int:
+    environment = {k: v for k, v in os.environ.items() if k not in THREAD_VARIABLES}
+    done = subprocess.run(
+        [sys.executable, "-c", COUNT.format(module=module)],
+        env={**environment, "PYTHONPATH": str(PACKAGE_ROOT), **given},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return int(done.stdout.split()[-1])
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["gpis_grasp_planner", "gpis_grasp_planner.cli.main", "gpis_grasp_planner.plan.planner"],
+)
+def test_whoever_imports_the_planner_has_one_thread(module: str) -> None:
+    assert threads(module) == 1
+
+
+def test_a_number_that_is_set_stays() -> None:
+    """Two threads in each of the two libraries, where there are two processors for them."""
+    expected = 3 if (os.cpu_count() or 1) >= 2 else 1
+    assert threads("gpis_grasp_planner", OMP_NUM_THREADS="2") == expected
+
+
+def test_only_what_is_not_set_is_set() -> None:
+    environment = {"OPENBLAS_NUM_THREADS": "3"}
+    limit_threads(environment)
+    assert environment == dict.fromkeys(THREAD_VARIABLES, "1") | {"OPENBLAS_NUM_THREADS": "3"}
+    environment = {"OMP_NUM_THREADS": "4"}
+    limit_threads(environment)
+    assert environment == dict.fromkeys(THREAD_VARIABLES, "4")
