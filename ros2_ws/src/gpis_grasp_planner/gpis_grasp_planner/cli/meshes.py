@@ -46,4 +46,6 @@ def run(arguments: argparse.Namespace) -> int:
             " ".join(part.notes),
         )
     output.console().print(table)
+    for name, reason in catalogue.refused():
+        output.note(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
     return ERROR if bad else SUCCESS
