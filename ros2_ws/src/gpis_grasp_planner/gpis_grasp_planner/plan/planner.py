@@ -14,9 +14,12 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
+from gpis_grasp_planner.grasp.constraint import Constraint
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.preparation import Preparation, PreparedObject
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult, Progress
 from gpis_grasp_planner.plan.settings import PlannerSettings
@@ -26,7 +29,7 @@ from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext, Search
 from gpis_grasp_planner.search.finalists import choose_finalists, choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import check_planner, make_search
-from gpis_grasp_planner.surroundings.clear_evaluator import ClearEvaluator
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
@@ -150,14 +153,19 @@ class GraspPlanner:
         compiled = CompiledEvaluator(
             self.hand, part, friction, scene, prepared.field, prepared.tree
         )
+        T_world_object = task.place.T_world_object
+        around = (request.surroundings or Surroundings()).moved(T_world_object)
+        constraints = make_constraints(
+            self.hand, request, Place(T_world_object, around), self.settings
+        )
         evaluator: GraspEvaluator = compiled
-        if request.surroundings is not None:
-            evaluator = ClearEvaluator(
-                compiled, self.hand, request.surroundings, self.settings.clearance, scene.retreat_m
-            )
-        return self._plan(task, evaluator)
+        if constraints:
+            evaluator = ConstrainedEvaluator(compiled, self.hand, constraints, scene.retreat_m)
+        return self._plan(task, evaluator, constraints)
 
-    def _plan(self, task: _Task, evaluator: GraspEvaluator) -> PlanResult:
+    def _plan(
+        self, task: _Task, evaluator: GraspEvaluator, constraints: tuple[Constraint, ...] = ()
+    ) -> PlanResult:
         part, request, prepared, start = task.part, task.request, task.prepared, task.start
         should_stop, trials = task.should_stop, task.trials
         scene = self.settings.scene
@@ -171,6 +179,7 @@ class GraspPlanner:
             archive=archive,
             settings=self.settings.search,
             rng=np.random.default_rng(request.seed),
+            constraints=constraints,
         )
         search = make_search(request.planner, context)
         convergence: list[tuple[float, int, float]] = []

@@ -15,6 +15,8 @@ from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
+from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
+from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
@@ -43,6 +45,10 @@ class PlanRequest:
     surroundings : Surroundings or None
         In the object's frame. Where given, only grasps that are clear of it are looked for; a
         result without serves every pose of the part (`plan.placed_answer`).
+    approach : ApproachCone or None
+        Directions from which the hand may come; None: from everywhere.
+    forbidden : tuple of ForbiddenRegion
+        Boxes in the part's frame that the hand must not touch.
     verification : str
         One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
     """
@@ -55,6 +61,8 @@ class PlanRequest:
     max_evaluations: int | None = None
     surroundings: Surroundings | None = None
     verification: str = "none"
+    approach: ApproachCone | None = None
+    forbidden: tuple[ForbiddenRegion, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = TIME_BUDGET_RANGE_S

@@ -16,7 +16,7 @@ import traceback
 from multiprocessing.connection import Connection
 
 from gpis_grasp_planner.plan.request import Progress
-from gpis_grasp_planner.plan.warm_up import warm_up
+from gpis_grasp_planner.plan.warm_up import load_compiled, make_ready
 from gpis_grasp_planner.ros.worker.desk import PlannerDesk, answer_of
 from gpis_grasp_planner.ros.worker.messages import (
     PlaceOrder,
@@ -58,9 +58,10 @@ class Counter:
 
 
 def _warm_up() -> None:
-    """Load the compiled code (2 s) before an order's clock runs; cold, it takes a minute."""
+    """Load the compiled code before an order's clock runs; compiling it takes a minute."""
     try:
-        warm_up([WARM_UP_PLANNER])
+        if not make_ready(WARM_UP_PLANNER):
+            load_compiled()
     except Exception:
         # An order will fail in the same way, and be answered with the reason.
         traceback.print_exc()
