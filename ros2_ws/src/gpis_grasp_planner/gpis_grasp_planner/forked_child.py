@@ -8,6 +8,7 @@ parent's open files: the planning process's socket must close with the planning 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,7 @@ from typing import Any, Self
 from gpis_grasp_planner.errors import SystemFault
 
 _MOST_FILES = 4096
+_PR_SET_PDEATHSIG = 1
 
 
 class ForkedChild:
@@ -34,7 +36,7 @@ class ForkedChild:
     def __init__(self, serve: Callable[[Connection], None]):
         context = multiprocessing.get_context("fork")
         self.connection, theirs = context.Pipe()
-        self._process = context.Process(target=_run, args=(serve, theirs), daemon=True)
+        self._process = context.Process(target=_run, args=(serve, theirs, os.getpid()), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -61,9 +63,22 @@ class ForkedChild:
         self._process.join()
 
 
-def _run(serve: Callable[[Connection], None], connection: Connection) -> None:
+def die_with_parent(parent: int) -> None:
+    """Ask the kernel (Linux) to end this process when the thread that started it ends.
+
+    A parent that is killed or stopped for good must not leave children that compute for nobody.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # gone before the kernel was asked
+        os._exit(0)
+
+
+def _run(serve: Callable[[Connection], None], connection: Connection, parent: int) -> None:
     # A Ctrl-C in the terminal is for the parent, which ends its children.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    die_with_parent(parent)
     kept = connection.fileno()
     os.closerange(3, kept)
     os.closerange(kept + 1, _MOST_FILES)

@@ -103,6 +103,10 @@ class Finisher:
         chosen = distinct(T, np.arange(len(done)), self.context.max_radius, n)
         return [done[i] for i in chosen]
 
+    def finished(self) -> list[Grasp]:
+        """All grasps that were finished so far, in no order."""
+        return [known.grasp for known in self._known.values() if known is not None]
+
     def time_for(self, n: int) -> float:
         """What it will take to finish the best `n` distinct candidates that there are now [s]."""
         missing = sum(

@@ -24,6 +24,7 @@ from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.tried_grasps import TriedGrasps
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -32,13 +33,22 @@ from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
-from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
-from gpis_grasp_planner.verification.selection import Selection, select
+from gpis_grasp_planner.verification.protocol import prepare
+from gpis_grasp_planner.verification.running_trials import (
+    RunningTrials,
+    processes_alone,
+    processes_beside_a_search,
+)
 
 _SECONDS_AFTER_CANCEL = 0.2
 _SHORTEST_ROUND_S = 1.0
 _RESERVE_INTERVAL_S = 0.2
 _SEARCH_SHARE = 0.5
+# Beside the search so many of the best are on offer for trials; a further one is finished after
+# an interval, or after so many times what the last one took.
+_OFFERED = 8
+_OFFER_INTERVAL_S = 0.2
+_OFFER_PAUSE = 4.0
 
 
 class PlanRun:
@@ -70,12 +80,6 @@ class PlanRun:
         self._prepared = prepared
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
-        self._trials: FinalistTrials | None = None
-        if request.verification != "none":
-            self._trials = FinalistTrials(
-                part, self.hand, settings.verification, prepared.field, prepared.tree
-            )
-            self._owned.callback(self._trials.close)
         self._constraints = make_constraints(self.hand, request, place, settings)
         self._evaluator = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
@@ -93,6 +97,7 @@ class PlanRun:
         self._finisher = Finisher(self._context, placing, self._confirm, monitor.now)
         self._hold = hold
         self._convergence: list[tuple[float, int, float]] = []
+        self._trials = None if request.verification == "none" else self._make_trials()
 
     def __enter__(self) -> Self:
         return self
@@ -116,24 +121,26 @@ class PlanRun:
         known : sequence of FinishedGrasp
             Grasps of an earlier plan that are clear here: they compete with those found now.
         """
-        monitor = self.monitor
+        monitor, trials = self.monitor, self._trials
         self._finisher.add(known)
-        selection: Selection | None = None
         while True:
             self._search_on()
             deadline = None if self.request.max_evaluations else monitor.deadline
             if monitor.cancelled:
                 deadline = monitor.now() + _SECONDS_AFTER_CANCEL
             with monitor.phase(Phase.PLACING):
-                grasps = tuple(self._finisher.best(self._n_wanted, deadline))
-            if self._trials is None or monitor.cancelled or not grasps:
+                until = deadline
+                if trials is not None and deadline is not None and not monitor.cancelled:
+                    until = deadline - self.settings.verification.budget_share * monitor.left_s
+                grasps = tuple(self._finisher.best(self._n_wanted, until))
+            if trials is None or monitor.cancelled or not grasps:
                 break
             with monitor.phase(Phase.TRYING):
-                selection = self._try(self._trials, grasps, deadline, selection)
-            searched = self._search.finished or deadline is None
-            if selection.held or searched or monitor.left_s < _SHORTEST_ROUND_S:
+                self._finish_trials(trials, grasps, deadline)
+            over = self._search.finished or deadline is None
+            if trials.n_held or over or monitor.left_s < _SHORTEST_ROUND_S:
                 break
-        return self._answer_of(grasps, selection, deadline)
+        return self._answer_of(grasps, deadline)
 
     @property
     def blocked(self) -> Mapping[str, int]:
@@ -178,8 +185,18 @@ class PlanRun:
             for look in seen
         ]
 
+    def _make_trials(self) -> RunningTrials:
+        verification, prepared = self.settings.verification, self._prepared
+        cases = finalist_cases(
+            self.part, self._friction, verification, self.request.seed, self.place.covariance
+        )
+        made = prepare(self.part, verification, prepared.field, prepared.tree)
+        trials = RunningTrials(self.part, self.hand, verification, made, cases, self.monitor.now)
+        self._owned.callback(trials.close)
+        return trials
+
     def _rest_s(self) -> float:
-        """What finishing, trying and ranking will need after the search [s]."""
+        """What finishing and ranking will need after the search [s]."""
         n = self._n_wanted
         return self._finisher.time_for(n) + self._hold.time_for(n)
 
@@ -192,7 +209,7 @@ class PlanRun:
         monitor, limit, archive = self.monitor, self.request.max_evaluations, self._archive
         began, left = monitor.now(), monitor.left_s
         share = self.settings.verification.budget_share if self._trials is not None else 0.0
-        end, looked_at, stepped = began, began, False
+        end, looked_at, offer_at, stepped = began, began, began, False
         with monitor.phase(Phase.SEARCHING):
             while not self._search.finished and not monitor.stopped():
                 now = monitor.now()
@@ -206,45 +223,42 @@ class PlanRun:
                     break
                 self._search.step()
                 stepped = True
+                if self._trials is not None and limit is None:
+                    offer_at = self._try_beside(self._trials, offer_at)
                 best, attempts = archive.best_epsilon, self._evaluator.n_attempts
                 monitor.update(evaluations=attempts, best_epsilon=best, n_candidates=len(archive))
                 if best > (self._convergence[-1][2] if self._convergence else 0.0):
                     self._convergence.append((monitor.elapsed_s, attempts, best))
 
-    def _try(
-        self,
-        trials: FinalistTrials,
-        grasps: Sequence[Grasp],
-        deadline: float | None,
-        before: Selection | None,
-    ) -> Selection:
-        """Try the finished grasps in physics, best first, until the deadline."""
+    def _try_beside(self, trials: RunningTrials, offer_at: float) -> float:
+        """Keep the trials going while the search goes on; when to finish further grasps.
+
+        Finishing is in the way of the search: it gets a fifth of its time at most.
+        """
+        monitor = self.monitor
+        processes = processes_beside_a_search(self.settings.verification)
+        now = monitor.now()
+        if now >= offer_at and len(self._archive):
+            trials.offer(self._finisher.best(_OFFERED, fresh=1))
+            spent = monitor.now() - now
+            offer_at = monitor.now() + max(_OFFER_INTERVAL_S, _OFFER_PAUSE * spent)
+        trials.poll(processes)
+        monitor.update(n_tried=trials.n_tried, n_held=trials.n_held)
+        return offer_at
+
+    def _finish_trials(
+        self, trials: RunningTrials, grasps: Sequence[Grasp], deadline: float | None
+    ) -> None:
+        """Try the finished grasps, best first, until the deadline leaves only the ranking."""
         if deadline is not None:
             deadline -= self._hold.time_for(self._n_wanted)
-        cases = finalist_cases(
-            self.part,
-            self._friction,
-            self.settings.verification,
-            self.request.seed,
-            self.place.covariance,
-        )
-        selection = select(
-            trials,
-            cases,
-            grasps,
-            Reserve(),
-            self.settings.hpp.volume_weight,
-            deadline,
-            self.monitor.stopped,
-            known=None if before is None else before.known,
-        )
-        self.monitor.update(n_tried=selection.n_tried, n_held=len(selection.held))
-        return selection
+        trials.offer(grasps)
+        trials.finish(processes_alone(self.settings.verification), deadline, self.monitor.stopped)
+        self.monitor.update(n_tried=trials.n_tried, n_held=trials.n_held)
 
-    def _answer_of(
-        self, grasps: tuple[Grasp, ...], selection: Selection | None, deadline: float | None
-    ) -> Answer:
+    def _answer_of(self, grasps: tuple[Grasp, ...], deadline: float | None) -> Answer:
         """Rank, choose, and say what came of it."""
+        tried = self._tried_grasps()
         monitor, request, part = self.monitor, self.request, self.part
         finisher = self._finisher
         notes: tuple[str, ...] = ()
@@ -252,17 +266,17 @@ class PlanRun:
             notes += (
                 f"PyBullet's scene confirmed {finisher.n_confirmed} of {finisher.n_seen} grasps.",
             )
-        code, message, best_attempt = self._verdict(grasps, selection)
-        if selection is not None and not monitor.cancelled:
-            notes += (selection.note,)
-            grasps = selection.ranked if code == ErrorCode.SUCCESS else ()
-            if request.verification == "require":
-                grasps = selection.held
+        code, message, best_attempt = self._verdict(grasps, tried)
+        if tried is not None:
+            notes += (tried.note,)
+            if code in (ErrorCode.SUCCESS, ErrorCode.CANCELLED):
+                grasps = tried.held if request.verification == "require" else tried.ranked
+            else:
+                grasps = ()
         with monitor.phase(Phase.PLACING):
             ordered, of_hold = self._hold.ranked(grasps, deadline, monitor)
         chosen = tuple(ordered[: request.n_grasps])
-        left_out = selection.ranked if selection is not None else grasps
-        reserve = self._reserve(chosen, left_out)
+        reserve = self._reserve(chosen, grasps if tried is None else tried.ranked)
         result = self._result(
             code,
             message
@@ -286,8 +300,19 @@ class PlanRun:
             None if support is None else support.normal,
         )
 
+    def _tried_grasps(self) -> TriedGrasps | None:
+        """All that was finished, with its trials; None where none were asked for."""
+        if self._trials is None:
+            return None
+        return TriedGrasps.of(
+            self._finisher.finished(),
+            self._trials,
+            self.part.max_radius,
+            self.settings.hpp.volume_weight,
+        )
+
     def _verdict(
-        self, grasps: Sequence[Grasp], selection: Selection | None
+        self, grasps: Sequence[Grasp], tried: TriedGrasps | None
     ) -> tuple[ErrorCode, str, Grasp | None]:
         """Code, message (empty for grasps that are answered) and the nearest miss."""
         part, finisher, archive = self.part, self._finisher, self._archive
@@ -305,9 +330,9 @@ class PlanRun:
             )
             return code, text, miss
         require = self.request.verification == "require"
-        if selection is not None and not selection.held and (selection.n_tried or require):
-            text = nothing_holds(part, len(selection.ranked), selection.why_none)
-            return ErrorCode.NO_GRASP_HOLDS, text, selection.ranked[0]
+        if tried is not None and not tried.held and (tried.n_tried or require):
+            text = nothing_holds(part, len(tried.ranked), tried.why_none)
+            return ErrorCode.NO_GRASP_HOLDS, text, tried.ranked[0]
         return ErrorCode.SUCCESS, "", None
 
     def _reserve(self, chosen: Sequence[Grasp], left_out: Sequence[Grasp]) -> Reserve:

@@ -46,6 +46,9 @@ from gpis_grasp_planner.surroundings.obstacles import (
 )
 from gpis_grasp_planner.surroundings.pregrasp import narrow_pregrasp
 from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
+from gpis_grasp_planner.verification.convex_cover import ConvexCover
+from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 ATTEMPTS = 200
 MOST_SECONDS = 3.0
@@ -133,6 +136,9 @@ def warm_up(
     evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
     warm_up_placing(evaluator, part, tree, grasps[:2])
     say(f"placing: {time.monotonic() - began:.1f} s")
+    began = time.monotonic()
+    warm_up_trials(part, field, tree, grasps[:1])
+    say(f"trials: {time.monotonic() - began:.1f} s")
     for name in planners or PLANNERS:
         mark_ready(name)
     return len(grasps)
@@ -152,6 +158,18 @@ def load_compiled() -> None:
     evaluator.attempt(poses, spread)
     evaluator.attempt_from(poses, np.empty((0, hand.n_joints)))
     evaluator.clear_palm(poses, vectors, spread, spread)
+
+
+def warm_up_trials(
+    part: Part, field: DistanceField, tree: TriangleTree, grasps: Sequence[Grasp]
+) -> None:
+    """Cover the part and try a grasp in physics: in children it would be compiled for one alone."""
+    hand, settings = load_hand(DEFAULT_HAND), VerificationSettings(duration_s=0.05)
+    prepared = PreparedPart(field, tree, ConvexCover(part.mesh, field, tree))
+    with Verifier(part, hand, settings, prepared) as verifier:
+        for grasp in grasps:
+            verifier.verify(grasp)
+            verifier.verify_displaced(grasp, np.eye(4))
 
 
 def warm_up_placing(

@@ -28,8 +28,9 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 from gpis_grasp_planner.verification.bullet.bodies import link_hulls
 from gpis_grasp_planner.verification.bullet.trial import TrialWorld
-from gpis_grasp_planner.verification.convex_cover import convex_cover
+from gpis_grasp_planner.verification.convex_cover import ConvexCover
 from gpis_grasp_planner.verification.motion import PushWatch
+from gpis_grasp_planner.verification.reach import Reach
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.start import StartFinder
@@ -40,33 +41,22 @@ DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
 _KEPT_PARTS = 4
 _PRESSES_N = 0.05
 _FARTHEST_BACK_M = 0.02
+# What a trial's hand may meet: a part may lie elsewhere, fingers then close farther, and a part
+# that holds slips by some millimetres. What slips farther has left the cover, and the hand.
+_REACH_M = 0.02
+_FARTHER_RAD = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedPart:
-    """What verification makes once per mesh."""
+    """What verification makes once per mesh; the cover grows with the grasps that are tried."""
 
     field: DistanceField
     tree: TriangleTree
-    pieces: tuple[Array, ...]
+    cover: ConvexCover
 
 
 _prepared: OrderedDict[tuple[str, float], PreparedPart] = OrderedDict()
-
-
-def known(part: Part, settings: VerificationSettings) -> PreparedPart | None:
-    """What :func:`prepare` has made of a part already."""
-    key = (part.mesh.content_hash, settings.cover_tolerance_m)
-    if key in _prepared:
-        _prepared.move_to_end(key)
-    return _prepared.get(key)
-
-
-def remember(part: Part, settings: VerificationSettings, prepared: PreparedPart) -> None:
-    """Keep a prepared part, and forget the one that was longest unused."""
-    _prepared[part.mesh.content_hash, settings.cover_tolerance_m] = prepared
-    while len(_prepared) > _KEPT_PARTS:
-        _prepared.popitem(last=False)
 
 
 def prepare(
@@ -75,13 +65,16 @@ def prepare(
     field: DistanceField | None = None,
     tree: TriangleTree | None = None,
 ) -> PreparedPart:
-    """Cover a part by convex pieces (1 to 5 s), once per mesh and tolerance."""
-    found = known(part, settings)
+    """Make ready to cover a part by convex pieces, once per mesh and tolerance."""
+    key = (part.mesh.content_hash, settings.cover_tolerance_m)
+    found = _prepared.get(key)
     if found is None:
         field, tree = field or DistanceField.of(part.mesh), tree or TriangleTree.of(part.mesh)
-        pieces = convex_cover(part.mesh, field, tree, settings.cover_tolerance_m)
-        found = PreparedPart(field, tree, tuple(pieces))
-        remember(part, settings, found)
+        cover = ConvexCover(part.mesh, field, tree, settings.cover_tolerance_m)
+        found = _prepared[key] = PreparedPart(field, tree, cover)
+    _prepared.move_to_end(key)
+    while len(_prepared) > _KEPT_PARTS:
+        _prepared.popitem(last=False)
     return found
 
 
@@ -97,6 +90,8 @@ class Verifier:
         From :func:`prepare`.
     stop_at_failure : bool
         End a grasp's trial with the first direction that fails.
+    whole_cover : bool
+        Cover the whole part by convex pieces, not only what a grasp's hand may reach.
     """
 
     def __init__(
@@ -106,12 +101,15 @@ class Verifier:
         settings: VerificationSettings,
         prepared: PreparedPart | None = None,
         stop_at_failure: bool = True,
+        whole_cover: bool = False,
     ):
         self.part, self.hand, self.settings = part, hand, settings
         self.stop_at_failure = stop_at_failure
+        self.whole_cover = whole_cover
         self._prepared = prepared or prepare(part, settings)
         self._start = StartFinder.of(hand, self._prepared.field)
-        self.world = TrialWorld(hand, part, self._prepared.pieces, settings)
+        self._reach = Reach.of(hand, part.mesh)
+        self.world = TrialWorld(hand, part, settings)
         self.scene = BulletWorld(hand, part.mesh, self._prepared.field, self._prepared.tree)
 
     def __enter__(self) -> Verifier:
@@ -134,7 +132,7 @@ class Verifier:
         depth = self._planned_depth(grasp)
         if depth > self.settings.penetration_limit_m:
             return self._verdict("penetration", start, penetration_m=depth)
-        return self._try(grasp.T_object_palm, grasp.pregrasp_joints, depth, start)
+        return self._try(grasp.T_object_palm, grasp, depth, start)
 
     def verify_displaced(self, grasp: Grasp, T_displacement: Array) -> Verification:
         """Try a grasp on a part that lies elsewhere than was thought.
@@ -147,24 +145,36 @@ class Verifier:
         back = self._start.back_until_free(T, grasp.pregrasp_joints, _FARTHEST_BACK_M)
         if back is None:
             return self._verdict("collision", start)
-        return self._try(back, grasp.pregrasp_joints, 0.0, start)
+        return self._try(back, grasp, 0.0, start)
 
-    def close_on(self, T_object_palm: Array, pregrasp_joints: Array) -> bool:
+    def close_on(self, T_object_palm: Array, grasp: Grasp) -> bool:
         """Place the hand and close it on the held part; whether it closed in time."""
-        joints = self._start.start_joints(T_object_palm, pregrasp_joints)
+        joints = self._start.start_joints(T_object_palm, grasp.pregrasp_joints)
+        self._cover(T_object_palm, joints, grasp.joints)
         self.world.place(T_object_palm, joints)
         return self.world.close()
+
+    def _cover(self, T_object_palm: Array, start: Array, closed: Array) -> None:
+        """Give the world's part all convex pieces that the hand may meet in this trial."""
+        cover, hand = self._prepared.cover, self.hand
+        faces = None
+        if not self.whole_cover:
+            end = np.array(closed)
+            for finger in hand.fingers:
+                end[[finger.inner_joint, finger.distal_joint]] += _FARTHER_RAD
+            end = np.minimum(np.maximum(start, end), hand.joint_upper)
+            faces = self._reach.faces(T_object_palm, start, end, _REACH_M)
+        if cover.add(faces) or self.world.n_pieces != len(cover.pieces):
+            self.world.take_pieces(cover.pieces)
 
     def _planned_depth(self, grasp: Grasp) -> float:
         self.scene.place_palm(grasp.T_object_palm)
         self.scene.set_joints(grasp.joints)
         return max(self.scene.penetration(link) for link in range(self.hand.n_links))
 
-    def _try(
-        self, T_object_palm: Array, pregrasp_joints: Array, depth: float, start: float
-    ) -> Verification:
+    def _try(self, T_object_palm: Array, grasp: Grasp, depth: float, start: float) -> Verification:
         world, settings = self.world, self.settings
-        if not self.close_on(T_object_palm, pregrasp_joints):
+        if not self.close_on(T_object_palm, grasp):
             return self._verdict("not closed", start, penetration_m=depth)
         before = world.part_pose()
         world.release()

@@ -71,10 +71,17 @@ class VerificationSettings(SettingsGroup):
         2, low=1, high=64, description="Finalists that are tried at a time, if there are cores."
     )
     budget_share: float = setting(
-        0.5,
-        low=0.05,
-        high=0.95,
-        description="Share of the time budget for the trials, where finalists are verified.",
+        0.2,
+        low=0.0,
+        high=0.5,
+        description="Share of the time left after the preparation that is for the trials alone; "
+        "before that they run beside the search.",
+    )
+    trial_limit_s: float = setting(
+        20.0,
+        low=1.0,
+        high=600.0,
+        description="Time after which a trial is given up; its grasp counts as untried.",
     )
     rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
     solver_iterations: int = setting(

@@ -77,7 +77,7 @@ def verify_lift(verifier: Verifier, grasp: Grasp, up_in_part: Array) -> LiftResu
     start = time.perf_counter()
     world, settings = verifier.world, verifier.settings
     failed = LiftResult(False, "not closed", 0.0, 0.0, 0.0, 0.0)
-    if not verifier.close_on(grasp.T_object_palm, grasp.pregrasp_joints):
+    if not verifier.close_on(grasp.T_object_palm, grasp):
         return replace(failed, elapsed_s=time.perf_counter() - start)
     world.release()
     before = world.part_pose()

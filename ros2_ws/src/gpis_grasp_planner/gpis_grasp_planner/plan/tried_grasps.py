@@ -1,0 +1,86 @@
+"""The grasps of an answer after their trials: in what order, and what to say of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.order import answer_rank, distinct
+from gpis_grasp_planner.verification.running_trials import RunningTrials
+
+
+@dataclass(frozen=True, eq=False)
+class TriedGrasps:
+    """Grasps that may be answered, each with what physics said of it.
+
+    Attributes
+    ----------
+    ranked : tuple of Grasp
+        By `answer_rank`: what held, then what was not tried, then what failed.
+    n_lost : int
+        Trials whose process died or hung.
+    """
+
+    ranked: tuple[Grasp, ...]
+    n_lost: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        grasps: Sequence[Grasp],
+        trials: RunningTrials,
+        max_radius: float,
+        volume_weight: float,
+    ) -> TriedGrasps:
+        """Rank finished grasps, and keep of each neighbourhood the first.
+
+        Parameters
+        ----------
+        grasps : sequence of Grasp
+        trials : RunningTrials
+        max_radius : float [m]
+            Scale of the distance rule.
+        volume_weight : float
+            Lambda of the ranking.
+        """
+        tried = [replace(grasp, trials=trials.of(grasp)) for grasp in grasps]
+        tried.sort(key=lambda grasp: answer_rank(grasp, volume_weight))
+        if not tried:
+            return cls((), trials.n_lost)
+        T = np.stack([grasp.T_object_palm for grasp in tried])
+        chosen = distinct(T, np.arange(len(tried)), max_radius, len(tried))
+        return cls(tuple(tried[i] for i in chosen), trials.n_lost)
+
+    @property
+    def held(self) -> tuple[Grasp, ...]:
+        """Those that were seen to hold."""
+        return tuple(g for g in self.ranked if g.trials is not None and g.trials.held)
+
+    @property
+    def n_tried(self) -> int:
+        """How many were tried."""
+        return sum(grasp.trials is not None for grasp in self.ranked)
+
+    @property
+    def note(self) -> str:
+        """How many were tried, and how many of those held."""
+        lost = f" {self.n_lost} trials were lost with their process." if self.n_lost else ""
+        if not self.n_tried:
+            return f"No grasp could be tried in physics within the time budget.{lost}"
+        untried = len(self.ranked) - self.n_tried
+        left = f"; {untried} were not tried within the time budget" if untried else ""
+        return (
+            f"Tried in physics: {self.n_tried} grasps, of which {len(self.held)} held{left}.{lost}"
+        )
+
+    @property
+    def why_none(self) -> str:
+        """Causes and their numbers, for the case that nothing held."""
+        if not self.n_tried:
+            return "none could be tried within the time budget"
+        causes = Counter(g.trials.outcomes[0].cause for g in self.ranked if g.trials is not None)
+        return ", ".join(f"{cause} {n}" for cause, n in causes.most_common())

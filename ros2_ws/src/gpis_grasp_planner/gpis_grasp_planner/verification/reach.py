@@ -1,0 +1,79 @@
+"""Which part of a mesh a closing hand may touch, for covers that are made of no more than that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.transforms import apply
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.surface_points import SurfacePoints, surface_points
+
+Array = NDArray[np.float64]
+
+_POSTURES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Finds the triangles near the sweep of a closing hand.
+
+    Attributes
+    ----------
+    hand : HandDescription
+    points : SurfacePoints
+        Of the hand.
+    middles : (m, 3) array [m]
+        Of the mesh's triangles.
+    radii : (m,) array [m]
+        Of balls about the middles that hold the triangles.
+    """
+
+    hand: HandDescription
+    points: SurfacePoints
+    middles: Array
+    radii: Array
+
+    @classmethod
+    def of(cls, hand: HandDescription, mesh: TriangleMesh) -> Reach:
+        """Prepare a mesh, some 0.1 us a triangle."""
+        triangles = mesh.triangles
+        middles = triangles.mean(axis=1)
+        radii = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
+        return cls(hand, surface_points(hand), middles, radii)
+
+    def faces(
+        self, T_object_palm: Array, start: Array, end: Array, distance: float
+    ) -> NDArray[np.bool_]:
+        """Triangles (m,) within a distance [m] of the hand between two postures (J,) [rad].
+
+        No triangle within the distance of a sampled posture is missed; between samples a
+        fingertip moves by some 20 mm at most, so that the distance should be well above that half.
+        """
+        way = start + np.linspace(0.0, 1.0, _POSTURES)[:, None] * (end - start)
+        poses = link_transforms(self.hand, way)
+        offsets = self.points.offsets
+        swept = np.concatenate(
+            [
+                np.concatenate([apply(T, self.points.points[offsets[k] : offsets[k + 1]])])
+                for k in range(self.hand.n_links)
+                for T in (T_object_palm @ poses[:, k])
+            ]
+        )
+        low = swept.min(axis=0) - distance
+        high = swept.max(axis=0) + distance
+        near = (
+            (self.middles + self.radii[:, None] >= low)
+            & (self.middles - self.radii[:, None] <= high)
+        ).all(axis=1)
+        rows = np.flatnonzero(near)
+        gap, _ = KDTree(swept).query(
+            self.middles[rows], distance_upper_bound=distance + float(self.radii.max(initial=0.0))
+        )
+        near[rows] = gap <= distance + self.radii[rows]
+        return near

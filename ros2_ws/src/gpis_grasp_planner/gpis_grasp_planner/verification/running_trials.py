@@ -1,0 +1,247 @@
+"""Grasps tried in physics beside the search, in forked children, best first.
+
+The search offers its best grasps again and again; whichever child is free takes the trial that is
+worth most. Of each grasp the deciding case comes first; how it does in the further cases is found
+out while lower grasps still wait for their first, so that the time that there is goes to grasps
+that may become the answer. A child that dies or hangs costs its own trial and no more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from gpis_grasp_planner.forked_child import ForkedChild, answer_requests, usable_cores
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.verification.bullet.bodies import link_hulls
+from gpis_grasp_planner.verification.cases import TrialCase
+from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
+from gpis_grasp_planner.verification.result import Verification
+from gpis_grasp_planner.verification.settings import VerificationSettings
+
+# A grasp's next case comes as late as the first case of the grasp so many places below it; each
+# case that it failed puts it further back.
+_PLACES_PER_CASE = 4
+_PLACES_PER_FAILURE = 8
+_POLL_S = 0.02
+_MOST_LOST = 3
+
+
+@dataclass(eq=False)
+class _Tried:
+    """One grasp and what came of it so far; `lost` counts trials whose child ended."""
+
+    grasp: Grasp
+    outcomes: list[TrialOutcome] = field(default_factory=list)
+    running: bool = False
+    lost: int = 0
+
+
+@dataclass(eq=False)
+class _Job:
+    tried: _Tried
+    case: int
+    began: float
+
+
+class RunningTrials:
+    """Tries offered grasps of one part until it is closed.
+
+    Children are forked as they are needed; what is to be known in them (the prepared part, compiled
+    code) must be there before the first :meth:`offer`.
+
+    Parameters
+    ----------
+    part : Part
+    hand : HandDescription
+    settings : VerificationSettings
+    prepared : PreparedPart
+    cases : sequence of TrialCase
+        The first decides whether a grasp holds; what fails it is not tried further.
+    clock : callable
+        Seconds, steady.
+
+    Attributes
+    ----------
+    n_lost : int
+        Trials whose child died or had to be ended.
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        hand: HandDescription,
+        settings: VerificationSettings,
+        prepared: PreparedPart,
+        cases: Sequence[TrialCase],
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._settings, self._cases, self._clock = settings, cases, clock
+        link_hulls(hand)  # here, so that no child needs to
+        self._serve = partial(_serve, part, hand, prepared, cases)
+        self._tried: dict[bytes, _Tried] = {}
+        self._offered: list[_Tried] = []
+        self._idle: list[ForkedChild] = []
+        self._working: dict[Any, tuple[ForkedChild, _Job]] = {}
+        self.n_lost = 0
+
+    @property
+    def n_tried(self) -> int:
+        """Grasps whose deciding case was made."""
+        return sum(bool(tried.outcomes) for tried in self._tried.values())
+
+    @property
+    def n_held(self) -> int:
+        """Those of them that held."""
+        return sum(bool(t.outcomes) and t.outcomes[0].passed for t in self._tried.values())
+
+    def offer(self, grasps: Sequence[Grasp]) -> None:
+        """Replace the list of grasps that wait, best first. Trials that run are not ended."""
+        self._offered = [self._tried.setdefault(_key(g), _Tried(g)) for g in grasps]
+
+    def of(self, grasp: Grasp) -> Trials | None:
+        """What is known of a grasp: None where its deciding case was not made."""
+        if grasp.trials is not None:
+            return grasp.trials
+        tried = self._tried.get(_key(grasp))
+        return Trials(tuple(tried.outcomes)) if tried is not None and tried.outcomes else None
+
+    def poll(self, processes: int, wait_s: float = 0.0) -> None:
+        """Take verdicts that are ready and give work to idle children.
+
+        Parameters
+        ----------
+        processes : int
+            Children that may work at a time.
+        wait_s : float [s]
+            Wait so long for a verdict, if any is expected.
+        """
+        self._give_work(processes)
+        if not self._working:
+            return
+        for ready in wait(list(self._working), wait_s):
+            self._take(ready)
+        self._end_late_ones()
+        self._give_work(processes)
+
+    def finish(
+        self, processes: int, deadline: float | None, should_stop: Callable[[], bool]
+    ) -> None:
+        """Go on until all that was offered is tried in all cases, or the deadline.
+
+        Parameters
+        ----------
+        processes : int
+        deadline : float or None
+            By the clock. A trial that is not finished then does not count. None: only the
+            deciding case of each is made.
+        should_stop : callable
+            Asked some fifty times a second.
+        """
+        cases = self._cases
+        if deadline is None:
+            self._cases = cases[:1]
+        try:
+            while not should_stop() and (deadline is None or self._clock() < deadline):
+                self.poll(processes, _POLL_S)
+                if not self._working:
+                    break
+        finally:
+            self._cases = cases
+
+    def close(self) -> None:
+        """End the children. Idempotent."""
+        for child in [*self._idle, *(child for child, _ in self._working.values())]:
+            child.end()
+        self._idle, self._working = [], {}
+
+    def _give_work(self, processes: int) -> None:
+        while len(self._working) < processes and (job := self._next()) is not None:
+            child = self._idle.pop() if self._idle else ForkedChild(self._serve)
+            job.tried.running = True
+            self._working[child.connection] = child, job
+            with contextlib.suppress(OSError):  # of a child that is gone, reading tells
+                child.connection.send((job.tried.grasp, job.case))
+
+    def _next(self) -> _Job | None:
+        """The trial worth most among those that were offered and wait."""
+        best: tuple[int, _Tried] | None = None
+        for place, tried in enumerate(self._offered):
+            case = len(tried.outcomes)
+            if tried.running or tried.lost >= _MOST_LOST or case >= len(self._cases):
+                continue
+            if tried.grasp.trials is not None or (case and not tried.outcomes[0].passed):
+                continue
+            failures = sum(not outcome.passed for outcome in tried.outcomes)
+            weight = place + _PLACES_PER_CASE * case + _PLACES_PER_FAILURE * failures
+            if best is None or weight < best[0]:
+                best = weight, tried
+        if best is None:
+            return None
+        return _Job(best[1], len(best[1].outcomes), self._clock())
+
+    def _take(self, ready: Any) -> None:
+        child, job = self._working.pop(ready)
+        job.tried.running = False
+        try:
+            verdict: Verification = child.connection.recv()
+        except (EOFError, OSError):
+            self._lose(child, job)
+            return
+        job.tried.outcomes.append(self._cases[job.case].outcome(verdict))
+        self._idle.append(child)
+
+    def _end_late_ones(self) -> None:
+        limit = self._clock() - self._settings.trial_limit_s
+        for connection, (child, job) in list(self._working.items()):
+            if job.began < limit:
+                del self._working[connection]
+                job.tried.running = False
+                self._lose(child, job)
+
+    def _lose(self, child: ForkedChild, job: _Job) -> None:
+        """The child is no more; its grasp may be tried again, but not for ever."""
+        child.end()
+        job.tried.lost += 1
+        self.n_lost += 1
+
+
+def processes_beside_a_search(settings: VerificationSettings) -> int:
+    """Children to run while the search has a core of its own; one on a single core."""
+    return max(1, min(settings.processes, usable_cores() - 1))
+
+
+def processes_alone(settings: VerificationSettings) -> int:
+    """Children to run when nothing else does."""
+    return max(1, min(settings.processes, usable_cores()))
+
+
+def _key(grasp: Grasp) -> bytes:
+    return grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
+
+
+def _serve(
+    part: Part,
+    hand: HandDescription,
+    prepared: PreparedPart,
+    cases: Sequence[TrialCase],
+    connection: Connection,
+) -> None:
+    with Verifier(part, hand, cases[0].settings, prepared) as verifier:
+
+        def answer(job: tuple[Grasp, int]) -> Verification:
+            grasp, case = job[0], cases[job[1]]
+            verifier.use(case.settings)
+            if case.displacement is None:
+                return verifier.verify(grasp)
+            return verifier.verify_displaced(grasp, case.displacement)
+
+        answer_requests(answer, connection)
