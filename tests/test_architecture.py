@@ -16,9 +16,11 @@ MAX_LINES = 400
 
 # Bottom first; a module imports from its own folder and from the levels below it.
 LEVELS = (
-    {"errors", "whole_file", "compiled_cache", "thread_limits"},
+    {"errors", "whole_file", "packed_arrays", "thread_limits"},
+    {"compiled_cache"},
     {"compiled"},
     {"settings", "forked_child"},
+    {"disk_cache"},
     {"geometry"},
     {"surface", "hand"},
     {"quality"},
