@@ -149,3 +149,44 @@ def test_the_error_of_a_part_is_the_callers(sphere, monkeypatch):
     monkeypatch.setattr(module, "fit_part", refuse)
     with pytest.raises(MeshError, match="no surface"):
         Preparation(QUICK).of(sphere)
+
+
+def test_what_is_late_goes_on_for_the_next_request(sphere, monkeypatch):
+    may_end = threading.Event()
+
+    def slow_fit(*arguments, **options):
+        may_end.wait(30.0)
+        return fit_part(*arguments, **options)
+
+    calls = []
+    monkeypatch.setattr(module, "fit_part", lambda *a, **o: calls.append(1) or slow_fit(*a, **o))
+    preparation = Preparation(QUICK)
+    with pytest.raises(PlanningError) as caught:
+        preparation.of(sphere, late=lambda: True)
+    assert caught.value.code is ErrorCode.DEADLINE_EXCEEDED
+    assert "ask again" in caught.value.message
+    may_end.set()
+    assert preparation.of(sphere).atlas is not None
+    assert calls == [1]
+
+
+def test_who_is_cancelled_does_not_end_the_work_of_another(sphere, monkeypatch):
+    may_end, waiting = threading.Event(), threading.Event()
+
+    def slow_fit(*arguments, **options):
+        waiting.set()
+        may_end.wait(30.0)
+        return fit_part(*arguments, **options)
+
+    monkeypatch.setattr(module, "fit_part", slow_fit)
+    preparation = Preparation(QUICK)
+    results = []
+    other = threading.Thread(target=lambda: results.append(preparation.of(sphere)))
+    other.start()
+    assert waiting.wait(30.0)
+    with pytest.raises(PlanningError) as caught:
+        preparation.of(sphere, should_stop=lambda: True)
+    assert caught.value.code is ErrorCode.CANCELLED
+    may_end.set()
+    other.join(60.0)
+    assert len(results) == 1
