@@ -40,7 +40,13 @@ def test_version(gpis_grasp) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [(), ("nonsense",), ("plan",), ("plan", "mug", "--seed", "x"), ("plan", "mug", "--unit", "in")],
+    [
+        (),
+        ("nonsense",),
+        ("plan",),
+        ("plan", "mug", "--seed", "x"),
+        ("plan", "mug", "--unit", "furlong"),
+    ],
 )
 def test_wrong_usage_is_2(gpis_grasp, arguments: tuple[str, ...]) -> None:
     answer = gpis_grasp(*arguments)

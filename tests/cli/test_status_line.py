@@ -12,7 +12,7 @@ import pytest
 
 from gpis_grasp_planner.cli import status_line
 from gpis_grasp_planner.cli.status_line import StatusLine
-from gpis_grasp_planner.plan.request import Progress
+from gpis_grasp_planner.plan.progress import Phase, Progress
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_it_ticks_while_nothing_is_reported_and_is_gone_in_the_end(terminal) -> 
         terminal(r"loading: \d\.\d s", times=3)
         status.enter("reading")
         terminal("reading: ")
-        status.show(Progress(0.4, 5.0, 96, 0.1234, 3))
+        status.show(Progress(Phase.SEARCHING, 0.4, 5.0, 96, 0.1234, 3))
         shown = terminal("of 5 s, 96 grasps tried, best epsilon 0.1234")
         assert "\n" not in shown
         status.note("a note")
@@ -51,12 +51,9 @@ def test_it_ticks_while_nothing_is_reported_and_is_gone_in_the_end(terminal) -> 
 
 def test_phases_of_the_planner_are_shown_by_their_names() -> None:
     status = StatusLine("loading")
-    progress = SimpleNamespace(
-        phase="trying", elapsed_s=1.0, time_budget_s=5.0, evaluations=3, best_epsilon=0.0
-    )
-    status.show(progress)
+    status.show(Progress(Phase.TRYING, 1.0, 5.0, 3, n_tried=4, n_held=1))
     assert status.text().startswith("trying: 0.")
-    assert status.text().endswith("s of 5 s, 3 grasps tried") or "epsilon" not in status.text()
+    assert status.text().endswith(" of 5 s, 3 grasps tried, 1 of 4 held in physics")
     status.enter("drawing")
     assert status.text().startswith("drawing: ")
 
@@ -65,7 +62,7 @@ def test_without_a_terminal_there_are_notes_only(capfd: pytest.CaptureFixture[st
     before = threading.active_count()
     with StatusLine("loading") as status:
         assert threading.active_count() == before
-        status.show(Progress(0.4, 5.0, 96, 0.1234, 3))
+        status.show(Progress(Phase.SEARCHING, 0.4, 5.0, 96, 0.1234, 3))
         status.note("a note")
     assert capfd.readouterr().err == "a note\n"
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from gpis_grasp_planner import __version__
 from gpis_grasp_planner.cli import (
     benchmark,
+    cache,
     completion,
     hand,
     meshes,
@@ -34,6 +35,7 @@ COMMANDS = {
     "meshes": meshes,
     "hand": hand,
     "settings": settings,
+    "cache": cache,
     "benchmark": benchmark,
     "completion": completion,
 }

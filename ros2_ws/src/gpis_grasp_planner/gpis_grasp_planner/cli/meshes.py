@@ -42,7 +42,12 @@ def run(arguments: argparse.Namespace) -> int:
         rows.append(_row(part))
         notes += [f"{mesh_id}: {note}" for note in part.notes]
         facts.append(_facts(part))
+    refused = catalogue.refused()
+    notes += [f"{ascii(name)[1:-1]} cannot be asked for: {reason}." for name, reason in refused]
     if arguments.json:
+        facts += [
+            {"file": name, "error": "INVALID_MESH_ID", "message": why} for name, why in refused
+        ]
         print(json.dumps(facts, indent=1))
         return ERROR if bad else SUCCESS
     headings = ("mesh ID", "size [mm]", "mass [kg]", "friction", "faces", "notes")

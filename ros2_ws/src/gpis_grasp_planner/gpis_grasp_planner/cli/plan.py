@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"{', '.join(PLANNERS)}; default: dual",
     )
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
-    parser.add_argument("--unit", choices=("m", "mm"), help="unit of a mesh file")
+    options.add_mesh_file(parser)
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
@@ -137,7 +137,7 @@ def _plan(
     settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     status.enter("reading")
-    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue)
+    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
     request = PlanRequest(
         planner=arguments.planner,
         seed=arguments.seed,
@@ -150,15 +150,14 @@ def _plan(
     place = place_options.place_of(arguments, part, catalogue)
     status.enter("loading the planner")  # not before the request was found to be good: 2 s
     from gpis_grasp_planner.cli.preparation import ready_to_plan
-    from gpis_grasp_planner.plan.placing import plan_at
     from gpis_grasp_planner.plan.planner import GraspPlanner
+    from gpis_grasp_planner.plan.progress import Monitor
 
     ready_to_plan(request.planner, status.note)
     status.enter("preparing")
-    _, answer = plan_at(
-        GraspPlanner(settings), part, request, place, on_progress=status.show, should_stop=stopped
-    )
-    return part, source, answer.result, bool(place)
+    monitor = Monitor(request.time_budget_s, status.show, stopped)
+    result = GraspPlanner(settings).answer(part, request, place, monitor=monitor).result
+    return part, source, result, bool(place)
 
 
 def _show(result: PlanResult) -> None:

@@ -14,7 +14,7 @@ import time
 from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
-    from gpis_grasp_planner.plan.request import Progress
+    from gpis_grasp_planner.plan.progress import Progress
 
 _FIRST_S = 0.2
 _INTERVAL_S = 0.1
@@ -56,10 +56,12 @@ class StatusLine:
 
     def show(self, progress: Progress) -> None:
         """What the planner says on its way; its phases are shown by their names."""
-        self._phase = str(getattr(progress, "phase", "")) or "searching"
+        self._phase = str(progress.phase)
         details = f" of {progress.time_budget_s:g} s, {progress.evaluations} grasps tried"
         if progress.best_epsilon > 0.0:
             details += f", best epsilon {progress.best_epsilon:.4f}"
+        if progress.n_tried:
+            details += f", {progress.n_held} of {progress.n_tried} held in physics"
         self._details = details
 
     def note(self, message: str) -> None:
