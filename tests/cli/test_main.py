@@ -119,7 +119,7 @@ def test_an_error_of_the_program_is_one_line_and_says_how_to_see_more(
     [
         ("hand --urdf", {"numpy", "yaml"}),
         ("hand --json", {"numpy", "yaml"}),
-        ("settings --advanced", set()),
+        ("settings --advanced", {"numpy"}),
         ("completion zsh", set()),
         ("plan nothere.step", {"numpy", "yaml"}),
         ("plan mug --set hpp.bunch=3", {"numpy", "yaml"}),
