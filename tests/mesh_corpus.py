@@ -93,6 +93,10 @@ OBJ = {
     "exponents": Read(d.obj(BOX).replace(b"v 80 ", b"v 8.0E+01 ")),
     "plus signs": Read(d.obj(BOX).replace(b"v 80 ", b"v +80. ")),
     "unknown statement": Read(d.obj(BOX) + b"ray_depth 3\n", note="ray_depth"),
+    "an unused vertex that is not finite": Read(d.obj(BOX) + b"v nan 0 0\nv 9e9 0 0\n"),
+    "binary STL": Refused(d.binary_stl(BOX), ("binary STL", ".stl")),
+    "gzip": Refused(gzip.compress(d.obj(BOX)), ("gzip",)),
+    "web page": Refused(b"\n<html><body>404</body></html>\n", ("HTML",)),
     "decimal comma": Refused(d.obj(BOX).replace(b"v 80 ", b"v 80,5 "), ("decimal comma", "80,5")),
     "polygon that crosses itself": Refused(
         d.obj(BOX).replace(b"f 1 2 4 3\n", b"f 1 2 3 4\n"), ("face 1 ", "crosses itself"),
@@ -110,6 +114,8 @@ OFF = {
     "counts glued": Read(d.off(BOX, "OFF{v} {f} {e}\n")),
     "counts on lines": Read(d.off(BOX, "OFF\n{v}\n{f}\n{e}\n")),
     "counts without edges": Read(d.off(BOX, "OFF\n{v} {f}\n")),
+    "counts on two lines": Read(d.off(BOX, "OFF\n{v} {f}\n{e}\n")),
+    "binary STL": Refused(d.binary_stl(BOX), ("binary STL", ".stl")),
     "wrong edges": Read(d.off(BOX, "OFF\n{v} {f} 0\n")),
     "no head": Read(d.off(BOX, "{v} {f} {e}\n")),
     "blanks before": Read(b"\n  \n " + d.off(BOX).replace(b"\n", b"\n  ")),
@@ -192,6 +198,8 @@ PLY = {
     "ascii text after": Read(d.ascii_ply(BOX) + b"made by hand\n", note="3 words after"),
     "ascii reordered": Read(d.ascii_ply(Solid(BOX.vertices[:, [2, 0, 1]], BOX.polygons, 0),
                                         vertex=("float z", "float x", "float y"))),
+    "end of the header in a comment": Read(d.ascii_ply(BOX).replace(
+        b"comment a test", b"comment end_header of a test\nobj_info end_header")),
     "ascii strips": Read(_strips_ply("")),
     "little endian": Read(d.binary_ply(BOX)),
     "little endian crlf": Read(d.binary_ply(BOX).replace(b"\n", b"\r\n", 9)),

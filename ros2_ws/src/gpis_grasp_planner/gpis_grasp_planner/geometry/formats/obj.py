@@ -17,7 +17,7 @@ from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     truncated,
 )
 from gpis_grasp_planner.geometry.formats.polygons import triangulate
-from gpis_grasp_planner.geometry.formats.recognise import refuse_foreign
+from gpis_grasp_planner.geometry.formats.recognise import refuse_bytes
 from gpis_grasp_planner.geometry.formats.words import Words, level, without_comments
 
 _BLOCK = 8_000_000
@@ -63,7 +63,7 @@ class _Content:
 
 def read_obj(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     """Read an OBJ file; indices may be relative, also between blocks of vertices."""
-    refuse_foreign(data, name, "OBJ")
+    refuse_bytes(data, name, "OBJ")
     content = _Content()
     for block in _blocks(data):
         _read_block(block, content, name)

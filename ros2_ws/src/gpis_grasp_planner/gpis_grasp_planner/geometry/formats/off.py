@@ -16,7 +16,7 @@ from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     truncated,
 )
 from gpis_grasp_planner.geometry.formats.polygons import triangulate
-from gpis_grasp_planner.geometry.formats.recognise import refuse_foreign
+from gpis_grasp_planner.geometry.formats.recognise import refuse_bytes
 from gpis_grasp_planner.geometry.formats.words import Words, level, without_comments
 
 # The word may be glued to the first count ("OFF8 6 12"), as in a well-known collection.
@@ -37,7 +37,7 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     text = without_comments(level(data))
     head = _HEAD.match(text) or _HEAD_ANY_CASE.match(text)
     if head is None:
-        refuse_foreign(data, name, "OFF")
+        refuse_bytes(data, name, "OFF")
     elif head["four"] or head["n"] or head["binary"]:
         kind = (head["kind"] + b" " + (head["binary"] or b"")).decode().strip()
         raise MeshError(
@@ -48,9 +48,7 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     end = head.end("kind") if head else 0
     words = Words(b" " * end + text[end:])
     variant = head["kind"].upper() if head else b"OFF"
-    n_vertices, n_faces, first = _counts(words, head is not None, name)
-    check_face_count(n_faces, name, max_faces)
-    layout = _layout(words, variant, n_vertices, n_faces, first, name)
+    layout, n_vertices = _found(words, variant, head is not None, name, max_faces)
     vertices = words.picked(layout.vertices.reshape(-1), name, "a coordinate").reshape(-1, 3)
     corners, counts = _polygons(words, layout, n_vertices, name)
     check_face_count(int(counts.sum()) - 2 * len(counts), name, max_faces)
@@ -65,15 +63,30 @@ def _integers(words: Words, chosen: Index) -> Index | None:
     return words.picked_integers(chosen, words.ends[chosen])
 
 
-def _counts(words: Words, has_head: bool, name: str) -> tuple[int, int, int]:
-    """Numbers of vertices and faces, and the first word after the counts.
+def _found(
+    words: Words, variant: bytes, has_head: bool, name: str, max_faces: int
+) -> tuple[_Layout, int]:
+    """The layout and the number of vertices.
 
-    The third count, of edges, is missing in some files: where just two stand on their line.
+    The third count, of edges, is missing in some files: where just two stand on their line, and
+    what follows fits them.
     """
     if len(words) < 2:
         raise truncated(name, "the counts of vertices and faces are missing")
     on_line = int((words.lines == words.lines[0]).sum())
-    taken = 2 if on_line == 2 else 3
+    error = None
+    for taken in (2, 3) if on_line == 2 else (3,):
+        n_vertices, n_faces = _counts(words, taken, on_line, has_head, name)
+        check_face_count(n_faces, name, max_faces)
+        try:
+            return _layout(words, variant, n_vertices, n_faces, taken, name), n_vertices
+        except MeshError as failed:
+            error = error or failed
+    assert error is not None
+    raise error
+
+
+def _counts(words: Words, taken: int, on_line: int, has_head: bool, name: str) -> tuple[int, int]:
     counts = _integers(words, np.arange(min(taken, len(words))))
     if counts is None or (counts < 0).any() or len(counts) < taken:
         what = "does not start with 'OFF'" if not has_head else "is damaged"
@@ -82,7 +95,7 @@ def _counts(words: Words, has_head: bool, name: str) -> tuple[int, int, int]:
             f"{name} {what}: its counts of vertices, faces and edges are '{shown[:60]}', they must "
             "be integers. Export it again."
         )
-    return int(counts[0]), int(counts[1]), taken
+    return int(counts[0]), int(counts[1])
 
 
 def _layout(
