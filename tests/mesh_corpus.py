@@ -103,6 +103,12 @@ OBJ = {
         ErrorCode.MESH_DEGENERATE),
     "curved surfaces": Refused(b"v 0 0 0\nv 1 0 0\nv 1 1 0\ncstype bezier\nsurf 0 1 0 1 1 2 3\n",
                                ("curved surfaces",), ErrorCode.MESH_EMPTY),
+    "commas": Refused(d.obj(BOX).replace(b" ", b","), ("no statement of OBJ", "line 1"),
+                      ErrorCode.MESH_EMPTY),
+    "not finite": Refused(d.obj(BOX).replace(b"v 80 ", b"v inf ", 1), ("not finite", "face "),
+                          ErrorCode.MESH_NOT_FINITE),
+    "absurd": Refused(d.obj(BOX).replace(b"v 80 ", b"v 1e300 ", 1), ("1e+297",),
+                      ErrorCode.MESH_EXTENT_IMPLAUSIBLE),
     "misspelt statement": Refused(d.obj(BOX).replace(b"f 1 2 4 3", b"q 1 2 4 3"),
                                   ("'q'", "line 9", "open")),
 }  # fmt: skip
@@ -138,6 +144,9 @@ OFF = {
                                ErrorCode.MESH_FORMAT_NOT_SUPPORTED),
     "binary": Refused(b"OFF BINARY\n" + struct.pack(">3I", 8, 6, 12), ("BINARY",),
                       ErrorCode.MESH_FORMAT_NOT_SUPPORTED),
+    "text after": Read(d.off(BOX) + b"made by hand\n", note="3 words after"),
+    "not finite": Refused(d.off(BOX).replace(b"80 0 0", b"nan 0 0"), ("not finite", "face "),
+                          ErrorCode.MESH_NOT_FINITE),
     "one face short": Refused(b"\n".join(d.off(BOX).split(b"\n")[:-2]) + b"\n",
                               ("8 vertices and 6 faces",)),
 }  # fmt: skip
@@ -213,6 +222,8 @@ PLY = {
     "bytes after": Read(d.binary_ply(BOX) + b"\n", note="1 bytes after"),
     "points": Refused(d.ply_header("ascii", [("vertex", 1, d.XYZ)]) + b"0 0 0\n", ("point cloud",),
                       ErrorCode.MESH_EMPTY),
+    "not finite": Refused(d.binary_ply(Solid(BOX.vertices * (np.nan, 1, 1), BOX.polygons, 0)),
+                          ("not finite",), ErrorCode.MESH_NOT_FINITE),
     "no list": Refused(d.ply_header("ascii", [("vertex", 1, d.XYZ), ("face", 1, ["int a"])])
                        + b"0 0 0\n1\n", ("vertex_indices",)),
 }  # fmt: skip
@@ -258,6 +269,9 @@ STL = {
     "STEP": Refused(b"ISO-10303-21;\nHEADER;\n" + b" " * 80, ("STEP file", ".step")),
     "decimal comma": Refused(d.ascii_stl(BOX).replace(b"vertex 80 ", b"vertex 80,5 "),
                              ("decimal comma", "80,5", "line")),
+    "no words but text": Refused(b"solid work on a part\n" * 30, ("facet 1 ",)),
+    "ascii control characters": Read(d.ascii_stl(BOX, "a\x01\x00b")),
+    "binary no count and bytes after": Read(d.binary_stl(BOX, count=0) + b"x", note="1 bytes"),
     "a facet of four": Refused(d.ascii_stl(BOX).replace(
         b"  endloop", b"   vertex 0 0 0\n  endloop", 1), ("facet 1 ", "line 2")),
     "a word too few": Refused(d.ascii_stl(BOX).replace(b"vertex 80 0 0\n", b"vertex 80 0\n", 1),

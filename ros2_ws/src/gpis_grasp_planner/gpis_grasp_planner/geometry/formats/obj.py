@@ -78,6 +78,13 @@ def read_obj(data: bytes, name: str, max_faces: int) -> ParsedMesh:
             "no faces. Export it as a mesh of polygons.",
             ErrorCode.MESH_EMPTY,
         )
+    if triangles == 0 and content.unknown:
+        word, line = next(iter(content.unknown.items()))
+        raise MeshError(
+            f"{name} has no faces; its line {line} starts with {word!r}, which is no statement of "
+            "OBJ. Export it again, as a mesh.",
+            ErrorCode.MESH_EMPTY,
+        )
     check_face_count(triangles, name, max_faces)
     _check_indices(corners, counts, content, name)
     vertices = np.concatenate(content.vertices)

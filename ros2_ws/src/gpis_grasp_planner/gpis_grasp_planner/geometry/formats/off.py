@@ -30,6 +30,7 @@ class _Layout:
 
     vertices: Index  # (v, 3) words of coordinates
     sizes: Index  # (f,) words with the number of corners
+    passed_over: int = 0  # words after the last face
 
 
 def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
@@ -56,7 +57,11 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     doubt = None
     if not data.endswith((b"\n", b"\r")):
         doubt = "it ends without a newline, perhaps within its last number"
-    return ParsedMesh(vertices, faces, doubt=doubt)
+    notes: tuple[str, ...] = ()
+    if layout.passed_over:
+        doubt = "words follow the faces that it counts"
+        notes = (f"{layout.passed_over} words after the last face were ignored.",)
+    return ParsedMesh(vertices, faces, notes=notes, doubt=doubt)
 
 
 def _integers(words: Words, chosen: Index) -> Index | None:
@@ -113,12 +118,29 @@ def _layout(
     at = first + step * n_vertices
     sizes_at = _stream(words, at, n_faces)
     if sizes_at is None:
+        found = _lines_before_others(words, lines, lengths, n_vertices, n_faces)
+        if found is not None:
+            return found
         raise truncated(
             name,
             f"its head promises {n_vertices} vertices and {n_faces} faces, {len(lines)} lines with "
             f"{len(words) - first} numbers follow",
         )
     return _Layout(first + step * np.arange(n_vertices)[:, None] + np.arange(3), sizes_at)
+
+
+def _lines_before_others(
+    words: Words, lines: Index, lengths: Index, n_vertices: int, n_faces: int
+) -> _Layout | None:
+    """One vertex and one face a line, and then what the counts do not speak of."""
+    end = n_vertices + n_faces
+    if len(lines) <= end or (lengths[:n_vertices] != lengths[0]).any() or lengths[0] < 3:
+        return None
+    sizes = _integers(words, lines[n_vertices:end])
+    if sizes is None or (sizes >= lengths[n_vertices:end]).any() or (sizes < 3).any():
+        return None
+    heads = lines[:n_vertices, None] + np.arange(3)
+    return _Layout(heads, lines[n_vertices:end], len(words) - int(lines[end]))
 
 
 def _stream(words: Words, at: int, n_faces: int) -> Index | None:
