@@ -136,10 +136,17 @@ class Constraint(Protocol):
         """
         ...
 
-    def nearest(self, T_object_palm: Array, joints: Array, /) -> Array:
-        """The hands moved to the nearest allowed pose (B, 4, 4), where the constraint knows one.
+    def allows_palm(self, T_object_palm: Array, joints: Array, /) -> NDArray[np.bool_]:
+        """Which hands (B, 4, 4) may be there at all, however far their fingers are closed: (B,).
 
-        Hands that are allowed, and those that it knows nothing for, stay where they are.
+        Looks at the links that the closing does not move, with the spread of `joints` (B, J).
+        """
+        ...
+
+    def nearest(self, T_object_palm: Array, joints: Array, /) -> Array:
+        """The hands moved to the nearest pose that is allowed (B, 4, 4), where one is known.
+
+        Hands that are there already, and those that it knows nothing for, stay where they are.
         """
         del joints
         return np.array(T_object_palm, dtype=float)
@@ -152,11 +159,8 @@ class Constraint(Protocol):
 def allowed(
     constraints: tuple[Constraint, ...], T_object_palm: Array, joints: Array
 ) -> NDArray[np.bool_]:
-    """Which hands (B, 4, 4), (B, J) every constraint allows (B,); each asks for the rest only."""
+    """Which hands (B, 4, 4), (B, J) every constraint allows (B,)."""
     free = np.ones(len(T_object_palm), dtype=np.bool_)
     for constraint in constraints:
-        rows = np.flatnonzero(free)
-        if not len(rows):
-            break
-        free[rows] = constraint.allows(T_object_palm[rows], joints[rows])
+        free[free] = constraint.allows(T_object_palm[free], joints[free])
     return free

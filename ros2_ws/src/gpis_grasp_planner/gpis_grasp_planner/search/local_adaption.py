@@ -17,6 +17,7 @@ Departures from the paper, each for a reason:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.evaluator import Attempts, GraspEvaluator
+from gpis_grasp_planner.search.hand_fitting import HandFitting
 from gpis_grasp_planner.search.settings import AdaptionSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 
@@ -67,6 +69,8 @@ class LocalAdaption:
     max_radius : float [m]
         The object's largest radius.
     settings : AdaptionSettings
+    close : callable, optional
+        Closes hands (B, 4, 4) with spreads (B,); the evaluator's `attempt` if not given.
     """
 
     def __init__(
@@ -76,8 +80,10 @@ class LocalAdaption:
         T_palm_face: Array,
         max_radius: float,
         settings: AdaptionSettings,
+        close: Callable[[Array, Array], Attempts] | None = None,
     ):
         self.evaluator = evaluator
+        self._close = close or evaluator.attempt
         self.atlas = atlas
         self.settings = settings
         self.T_palm_face = T_palm_face
@@ -93,6 +99,7 @@ class LocalAdaption:
             context.T_palm_face,
             context.max_radius,
             context.settings.adaption,
+            HandFitting(context).attempt,
         )
 
     def __call__(
@@ -135,7 +142,7 @@ class LocalAdaption:
         T, free = self.evaluator.clear_palm(
             np.concatenate(poses), np.concatenate(normals), spread, standoff
         )
-        attempts = self.evaluator.attempt(T[free], spread[free])
+        attempts = self._close(T[free], spread[free])
         return Adapted(attempts, proposal[free], standoff[free])
 
     def destination(self, T_object_face: Array) -> Array:

@@ -40,6 +40,10 @@ class ApproachConstraint(Constraint):
         """Which palms point into the cone (B,)."""
         return np.asarray(self._angles(T_object_palm) <= self._half_angle + _ROUNDING)
 
+    def allows_palm(self, T_object_palm: Array, _joints: Array, /) -> NDArray[np.bool_]:
+        """The same: it is the palm that points."""
+        return self.allows(T_object_palm, _joints)
+
     def nearest(self, T_object_palm: Array, _joints: Array, /) -> Array:
         """The palms (B, 4, 4) turned about their face by the smallest angle into the cone."""
         T = np.array(T_object_palm, dtype=float)
