@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,14 +177,14 @@ class ConstrainedEvaluator:
         kept[_grasped(again)] = True
         kept &= ~good.blocked
         cause[clear[kept]] = None
-        merged = {
+        merged: dict[str, Any] = {
             field.name: _with_rows(
                 getattr(attempts, field.name), clear[kept], getattr(again, field.name)[kept]
             )
             for field in fields(attempts)
             if getattr(attempts, field.name) is not None
         }
-        return Attempts(**merged), Verdict(cause, shift)
+        return replace(attempts, **merged), Verdict(cause, shift)
 
     def _judge(self, attempts: Attempts, rows: NDArray[np.intp]) -> Verdict:
         """What the constraints say of some rows of attempts; the others are clear."""
@@ -234,7 +235,7 @@ def _among(
     if free.all():
         return made
     n = len(free)
-    values: dict[str, Array] = {}
+    values: dict[str, Any] = {}
     for field in fields(made):
         value = getattr(made, field.name)
         if value is not None:
@@ -245,4 +246,4 @@ def _among(
     values["T_object_palm"][~free] = T_object_palm[~free]
     values["spread"][~free] = spread[~free]
     values["joints"][~free] = values["start_joints"][~free] = joints[~free]
-    return Attempts(**values)  # type: ignore[arg-type]
+    return Attempts(**values)

@@ -129,6 +129,11 @@ class Constraint(Protocol):
         """What it is called in counts and messages."""
         ...
 
+    @property
+    def approach_axis(self) -> Array | None:
+        """Direction (3,) in the object's frame in which hands most likely may come, if any."""
+        return None
+
     def allows(self, T_object_palm: Array, joints: Array, /) -> NDArray[np.bool_]:
         """Which hands (B, 4, 4) in start postures (B, J) may approach and begin to close: (B,).
 

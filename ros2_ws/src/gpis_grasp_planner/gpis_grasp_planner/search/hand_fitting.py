@@ -9,7 +9,7 @@ knows about the way out is used: before the closing the nearest place for the pa
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +40,12 @@ class HandFitting:
         self._evaluator = context.evaluator
         self._hand = context.hand
         self._constraints = context.constraints
+
+    @property
+    def approach_axis(self) -> Array | None:
+        """The first of the constraints' axes (3,); None without any."""
+        axes = [c.approach_axis for c in self._constraints if c.approach_axis is not None]
+        return axes[0] if axes else None
 
     def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
         """Close hands near poses (B, 4, 4) with spreads (B,) [rad]; `T_object_palm` says where."""
@@ -86,4 +92,4 @@ def _merged(attempts: Attempts, rows: NDArray[np.intp], new: Attempts) -> Attemp
             value = np.array(value)
             value[rows] = getattr(new, field.name)
         values[field.name] = value
-    return Attempts(**values)
+    return replace(attempts, **values)

@@ -36,6 +36,11 @@ class ApproachConstraint(Constraint):
         """The same as the cause."""
         return str(Cause.DIRECTION)
 
+    @property
+    def approach_axis(self) -> Array:
+        """The cone's axis (3,)."""
+        return self._axis
+
     def allows(self, T_object_palm: Array, _joints: Array, /) -> NDArray[np.bool_]:
         """Which palms point into the cone (B,)."""
         return np.asarray(self._angles(T_object_palm) <= self._half_angle + _ROUNDING)

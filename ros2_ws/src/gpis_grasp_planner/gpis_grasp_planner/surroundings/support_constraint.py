@@ -50,6 +50,11 @@ class SupportConstraint(Constraint):
         """The plane's name."""
         return self.plane.name
 
+    @property
+    def approach_axis(self) -> Array:
+        """Straight down (3,)."""
+        return np.asarray(-self.plane.normal)
+
     def allows(self, T_object_palm: Array, joints: Array) -> NDArray[np.bool_]:
         """Which hands keep the margin on the approach and before they close (B,)."""
         everything = np.arange(len(self._pieces.link))
