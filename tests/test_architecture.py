@@ -16,8 +16,11 @@ MAX_LINES = 400
 
 # Bottom first; a module imports from its own folder and from the levels below it.
 LEVELS = (
-    {"errors", "compiled_cache", "thread_limits"},
+    {"errors", "whole_file", "packed_arrays", "thread_limits"},
+    {"compiled_cache"},
+    {"compiled"},
     {"settings", "forked_child"},
+    {"disk_cache"},
     {"geometry"},
     {"surface", "hand"},
     {"quality"},
@@ -36,11 +39,12 @@ OPTIMISE_USERS = set[str]().union(*LEVELS[LEVELS.index({"scene", "surroundings",
 
 # Libraries that only one place of the package may import.
 OWNERS = {
+    "numba": ("compiled.py",),
     "rclpy": ("ros/",),
     "pybullet": ("scene/bullet_world.py",),
     "pybullet_data": ("scene/bullet_world.py",),
-    "trimesh": ("geometry/mesh_file.py", "geometry/parts/"),
-    "cascadio": ("geometry/mesh_file.py",),
+    "trimesh": ("geometry/parts/",),
+    "cascadio": ("geometry/formats/step.py",),
     "manifold3d": ("geometry/parts/",),
     "open3d": ("view/",),
     "matplotlib": ("view/",),
@@ -151,11 +155,12 @@ def test_no_source_outside_the_package_is_too_long() -> None:
             "arrows",
         ),
         ("view/picture.py", "from gpis_grasp_planner.ros import node", "arrows"),
+        ("surface/blend.py", "from numba import njit", "compiled.py"),
         ("search/dual.py", "import rclpy.node", "only ros/"),
         ("cli/main.py", "from geometry_msgs.msg import Pose", "only ros/"),
         ("scene/closing.py", "def f():\n    import pybullet as p", "bullet_world"),
         ("scene/closing.py", "import importlib\nimportlib.import_module('pybullet')", "bullet_"),
-        ("surface/sampling.py", "import trimesh", "mesh_file"),
+        ("surface/sampling.py", "import trimesh", "parts"),
         ("cli/plan.py", "import matplotlib.pyplot as plt", "only view/"),
         ("ros/node.py", "from open3d import geometry", "only view/"),
         ("utils/misc.py", "import numpy", "place"),

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--planner", default="dual", metavar="NAME", help="default: dual")
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
-    parser.add_argument("--unit", choices=("m", "mm"), help="unit of a mesh file")
+    options.add_mesh_file(parser)
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, write; 3 where there is no grasp."""
-    from gpis_grasp_planner.cli import output
+    from gpis_grasp_planner.cli import output, tables
     from gpis_grasp_planner.plan.document import document_text
     from gpis_grasp_planner.plan.request import PlanRequest
 
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     output.check_writable(arguments.picture)
     settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
-    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue)
+    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
     request = PlanRequest(
         planner=arguments.planner,
         seed=arguments.seed,
@@ -77,12 +77,13 @@ def run(arguments: argparse.Namespace) -> int:
     )
     place = place_options.place_of(arguments, part, catalogue)
     from gpis_grasp_planner.cli.preparation import ready_to_plan
-    from gpis_grasp_planner.plan.placing import plan_at
     from gpis_grasp_planner.plan.planner import GraspPlanner
+    from gpis_grasp_planner.plan.progress import Monitor
 
     ready_to_plan(request.planner)
     with output.plan_progress() as show:
-        _, answer = plan_at(GraspPlanner(settings), part, request, place, on_progress=show)
+        monitor = Monitor(request.time_budget_s, show)
+        answer = GraspPlanner(settings).answer(part, request, place, monitor=monitor)
     result = answer.result
     to_stdout = arguments.json is not None and str(arguments.json) == "-"
     if arguments.json is not None:
@@ -92,14 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             arguments.json.write_text(text, encoding="utf-8")
     if not to_stdout and result.grasps:
-        screen = output.console()
-        screen.print(output.grasp_table(result, result.grasps))
-        screen.print(
-            f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
-            f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm"
-        )
+        _show(result)
         if place:
-            screen.print(result.message)
+            tables.print_text(result.message)
     for text in result.notes:
         output.note(f"note: {text}")
     if arguments.picture is not None:
@@ -108,6 +104,22 @@ def run(arguments: argparse.Namespace) -> int:
         output.note(f"gpis-grasp: {result.code.name}: {result.message}")
         return NO_ANSWER
     return SUCCESS
+
+
+def _show(result: PlanResult) -> None:
+    from gpis_grasp_planner.cli import grasp_table, tables
+    from gpis_grasp_planner.hand.description import load_hand
+
+    verified = result.request.verification != "none"
+    hand = load_hand(result.hand)
+    tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified))
+    print()
+    tables.print_text(grasp_table.order_text(result))
+    tables.print_text(grasp_table.LEGEND)
+    tables.print_text(
+        f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
+        f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm."
+    )
 
 
 def _draw(path: Path, part: Part, result: PlanResult) -> None:

@@ -6,18 +6,20 @@ takes some 5 ms per 1000 triangles; a nearest-point query 1 to 3 us.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 
 Array = NDArray[np.float64]
 
 _LEAF = 4
+_NODES_A_CALL = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +44,11 @@ class TriangleTree:
     child: NDArray[np.int64]
 
     @staticmethod
-    def of(mesh: TriangleMesh) -> TriangleTree:
-        """Split at the median of the longest side until a leaf has at most four triangles."""
+    def of(mesh: TriangleMesh, on_share: Callable[[float], None] = lambda _: None) -> TriangleTree:
+        """Split at the median of the longest side until a leaf has at most four triangles.
+
+        `on_share` is called every few ms with the share that is done, and may raise to end it.
+        """
         solid = mesh.face_areas > 0.0
         triangles = mesh.triangles[solid]
         normals = mesh.face_normals_outward[solid]
@@ -63,6 +68,8 @@ class TriangleTree:
             members = order[first:last]
             lower.append(low[members].min(axis=0))
             upper.append(high[members].max(axis=0))
+            if node % _NODES_A_CALL == 0:
+                on_share(1.0 - last / len(order))
             if last - first <= _LEAF:
                 child.append((-1 - first, last - first))
                 continue
@@ -92,7 +99,7 @@ class TriangleTree:
         )
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
     x = max(low[0] - px, max(0.0, px - high[0]))
     y = max(low[1] - py, max(0.0, py - high[1]))
@@ -100,7 +107,7 @@ def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
     return x * x + y * y + z * z
 
 
-@njit(cache=True, nogil=True)
+@njit
 def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # type: ignore[no-untyped-def]
     """Nearest surface point within `limit` into `out`.
 
@@ -140,7 +147,7 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
     return np.sqrt(best), found, found_inside
 
 
-@njit(cache=True, nogil=True)
+@njit
 def nearest_points(points, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
     """`nearest_point` of many points, without a limit."""
     n = points.shape[0]

@@ -7,6 +7,7 @@ which grasps are blocked, by what, and how far the hand had to move (`verdict`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.grasp.evaluator import Attempts
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.hand_motion import HandMotions, hand_motions
 from gpis_grasp_planner.grasp.open_hand import pregrasp_of
 from gpis_grasp_planner.hand.description import HandDescription
@@ -63,6 +65,23 @@ class ClosedHands:
             attempts.n_contacts[rows],
             attempts.positions[rows],
             retreat_m,
+        )
+
+    @classmethod
+    def of_grasps(cls, hand: HandDescription, grasps: Sequence[Grasp]) -> ClosedHands:
+        """Finished grasps, at least one, as they will be executed."""
+        n_contacts = np.array([len(grasp.contacts) for grasp in grasps])
+        positions = np.zeros((len(grasps), int(n_contacts.max()), 3))
+        for row, grasp in enumerate(grasps):
+            positions[row, : len(grasp.contacts)] = grasp.contacts.positions
+        return cls(
+            hand,
+            np.stack([grasp.T_object_palm for grasp in grasps]),
+            np.stack([grasp.pregrasp_joints for grasp in grasps]),
+            np.stack([grasp.joints for grasp in grasps]),
+            n_contacts,
+            positions,
+            grasps[0].approach_distance,
         )
 
     def only(self, rows: NDArray[np.bool_]) -> ClosedHands:

@@ -11,17 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
-from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
 from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
-from gpis_grasp_planner.surroundings.obstacles import Surroundings
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
 GRASP_COUNT_RANGE = (1, 200)
-FRICTION_RANGE = (0.01, 5.0)
 DEFAULT_FRICTION = Friction(finger=0.6, palm=0.6)
 SEED_LIMIT = 2**63 - 1
 
@@ -43,9 +41,6 @@ class PlanRequest:
         None: that of the part, or the default of 0.6.
     max_evaluations : int or None
         Ends the search after this many attempts, which makes a run repeatable to the bit.
-    surroundings : Surroundings or None
-        In the object's frame. Where given, only grasps that are clear of it are looked for; a
-        result without serves every pose of the part (`plan.placed_answer`).
     approach : ApproachCone or None
         Directions from which the hand may come; None: from everywhere.
     forbidden : tuple of ForbiddenRegion
@@ -60,7 +55,6 @@ class PlanRequest:
     n_grasps: int = 20
     friction: Friction | None = None
     max_evaluations: int | None = None
-    surroundings: Surroundings | None = None
     verification: str = "none"
     approach: ApproachCone | None = None
     forbidden: tuple[ForbiddenRegion, ...] = ()
@@ -122,17 +116,6 @@ def check_friction(value: float, where: str) -> float:
     return float(value)
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a running plan is."""
-
-    elapsed_s: float
-    time_budget_s: float
-    evaluations: int
-    best_epsilon: float
-    n_candidates: int
-
-
 @dataclass(frozen=True, eq=False)
 class PlanResult:
     """The answer, with everything that is needed to recompute its figures.
@@ -140,7 +123,8 @@ class PlanResult:
     Attributes
     ----------
     code : ErrorCode
-        SUCCESS, or why there is no grasp (NO_FEASIBLE_GRASP, CANCELLED).
+        SUCCESS, or why there is none (NO_FEASIBLE_GRASP, ALL_GRASPS_BLOCKED, NO_GRASP_HOLDS);
+        CANCELLED may come with the grasps that were finished.
     message : str
     grasps : tuple of Grasp
         With force closure, mutually distinct, best first, in the object's frame.
@@ -151,6 +135,8 @@ class PlanResult:
     place : mapping or None
         The place that the answer is for, in the form of `surroundings.place.Place`; None for a
         plan in free space.
+    phase_s : mapping of phase to seconds
+        How long each phase of the request took (`plan.progress.Phase`).
     reserve : Reserve
         Further grasps, for surroundings in which those of the answer are blocked.
     """
@@ -178,8 +164,14 @@ class PlanResult:
     convergence: tuple[tuple[float, int, float], ...] = field(default=())
     place: Mapping[str, Any] | None = None
     reserve: Reserve = field(default_factory=Reserve)
+    phase_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def success(self) -> bool:
-        """Whether there is at least one grasp."""
+        """Whether the answer is complete: code SUCCESS."""
         return self.code == ErrorCode.SUCCESS
+
+    @property
+    def volume_weight(self) -> float:
+        """Lambda of the objective that the grasps are ranked by."""
+        return float(self.settings["hpp"]["volume_weight"])

@@ -15,8 +15,8 @@ import threading
 import traceback
 from multiprocessing.connection import Connection
 
-from gpis_grasp_planner.plan.request import Progress
-from gpis_grasp_planner.plan.warm_up import warm_up
+from gpis_grasp_planner.plan.progress import Progress
+from gpis_grasp_planner.plan.warm_up import load_compiled, make_ready
 from gpis_grasp_planner.ros.worker.desk import PlannerDesk, answer_of
 from gpis_grasp_planner.ros.worker.messages import (
     PlaceOrder,
@@ -58,9 +58,10 @@ class Counter:
 
 
 def _warm_up() -> None:
-    """Load the compiled code (2 s) before an order's clock runs; cold, it takes a minute."""
+    """Load the compiled code before an order's clock runs; compiling it takes a minute."""
     try:
-        warm_up([WARM_UP_PLANNER])
+        if not make_ready(WARM_UP_PLANNER):
+            load_compiled()
     except Exception:
         # An order will fail in the same way, and be answered with the reason.
         traceback.print_exc()
@@ -80,13 +81,7 @@ def _make_plans(counter: Counter, desk: PlannerDesk) -> None:
         counter.send(number, WorkerAccepted())
 
         def report(progress: Progress, number: int = number) -> None:
-            message = WorkerProgress(
-                progress.elapsed_s,
-                progress.evaluations,
-                progress.best_epsilon,
-                progress.n_candidates,
-            )
-            counter.send(number, message)
+            counter.send(number, WorkerProgress(progress))
 
         counter.send(number, answer_of(desk.make_plan, order, report))
         _give_memory_back()
