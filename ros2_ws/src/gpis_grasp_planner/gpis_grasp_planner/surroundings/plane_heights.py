@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from gpis_grasp_planner.compiled import njit
 
 
-@njit(cache=True, nogil=True)
+@njit
 def lowest_heights(vertices, start, piece, T, point, normal, height):  # type: ignore[no-untyped-def]
     """Height of the lowest vertex of M placed pieces over a plane.
 
