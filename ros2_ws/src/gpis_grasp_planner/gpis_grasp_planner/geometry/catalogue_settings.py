@@ -49,9 +49,10 @@ class CatalogueSettings(SettingsGroup):
         description="A part whose largest extent is larger is refused as a mistake of units.",
     )
     degenerate_faces: str = setting(
-        "refuse",
-        choices=("refuse", "drop"),
-        description="Faces without area: refuse the file, or drop them and say so.",
+        "drop",
+        choices=("drop", "refuse"),
+        description="Faces without area: drop them so that the surface stays closed and say so, "
+        "or refuse the file.",
         common=True,
     )
     default_density_kg_m3: float = setting(
