@@ -54,7 +54,7 @@ def is_ready(task: str) -> bool:
 
 
 def mark_ready(task: str) -> None:
-    """Note that all that a task needs lies on disk; nothing where this process could not keep it."""
+    """Note that all that a task needs lies on disk, unless this process could not keep it."""
     if not FunctionFiles._said:
         write_kept(f"ready-{task}", _machine())
 
