@@ -23,6 +23,7 @@ from gpis_grasp_planner.plan.progress import Monitor, Phase, Progress
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.run import PlanRun
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.warm_up import make_ready
 from gpis_grasp_planner.search.searches import check_planner
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import Place
@@ -108,7 +109,9 @@ class GraspPlanner:
         """
         check_planner(request.planner)
         place = place or Place()
-        monitor = monitor or Monitor(request.time_budget_s)
+        if monitor is None:
+            make_ready(request.planner)  # where nothing is compiled yet: once, before the clock
+            monitor = Monitor(request.time_budget_s)
         constrained = place.surroundings or request.approach or request.forbidden
         if constrained and self.settings.scene.search_evaluator == "bullet":
             raise RequestError(
@@ -166,6 +169,7 @@ class GraspPlanner:
         should_stop: Callable[[], bool] | None = None,
     ) -> PlanResult:
         """Plan grasps of a part that floats in free space: the result of :meth:`answer`."""
+        make_ready(request.planner)
         monitor = Monitor(request.time_budget_s, on_progress, should_stop)
         return self.answer(part, request, monitor=monitor).result
 

@@ -53,9 +53,12 @@ def read_step(data: bytes, name: str, max_faces: int, timeout_s: float) -> Parse
     """
     promise = read_promise(data, name)
     glb, messages = _tessellate(promise.body, name, timeout_s)
-    bodies, _ = glb_bodies(glb, name, max_faces) if glb else ([], [])
-    if sum(len(b.primitives) for b in bodies) == 0:
-        raise _no_shape(promise, name)
+    try:
+        bodies, _ = glb_bodies(glb, name, max_faces)
+    except MeshError as error:
+        if glb and error.code != ErrorCode.MESH_EMPTY:
+            raise
+        raise _no_shape(promise, name) from None
     notes = []
     missing = promise.faces - _distinct_faces(bodies)
     syntax_errors = sum(int(n) for n in _SYNTAX_ERRORS.findall(messages))

@@ -15,15 +15,17 @@ from gpis_grasp_planner.geometry.formats.recognise import BYTE_ORDER_MARK, refus
 
 _START = re.compile(rb"(?:\s|/\*.*?\*/)*(ISO-10303-21\s*;)", re.DOTALL)
 _END = b"END-ISO-10303-21"
-_STRING = re.compile(rb"'(?:[^']|'')*'")
 _COMMENT = re.compile(rb"/\*.*?\*/", re.DOTALL)
 _SOLIDS = rb"MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP|SOLID_BREP"
+# Behind a semicolon, wherever strings start and end: one lost quote must not hide the rest.
 _ENTITY = re.compile(
-    rb"#(\d+)\s*=\s*(" + _SOLIDS + rb"|CLOSED_SHELL|OPEN_SHELL|ADVANCED_FACE|FACE_SURFACE|"
+    rb";\s*#(\d+)\s*=\s*(" + _SOLIDS + rb"|CLOSED_SHELL|OPEN_SHELL|ADVANCED_FACE|FACE_SURFACE|"
     rb"SHELL_BASED_SURFACE_MODEL|NEXT_ASSEMBLY_USAGE_OCCURRENCE|GEOMETRIC_CURVE_SET|"
-    rb"TESSELLATED_SOLID|TESSELLATED_SHELL)\s*\(([^;]*)"
+    rb"TESSELLATED_SOLID|TESSELLATED_SHELL)\s*\(((?:[^;']|'(?:[^';]|'')*')*)"
 )
+_MOST_BEFORE = 100_000
 _MOST_DEPTH = 64
+_STRING = re.compile(rb"'[^']*'")
 _REFERENCE = re.compile(rb"#(\d+)")
 
 
@@ -63,7 +65,7 @@ class StepPromise:
 def read_promise(data: bytes, name: str) -> StepPromise:
     """Check that a STEP text is whole, and count what it declares. About 0.1 s for 10 MB."""
     text = data.removeprefix(BYTE_ORDER_MARK)
-    start = _START.match(text)
+    start = _START.match(text[:_MOST_BEFORE])
     if start is None:
         refuse_foreign(data, name, "STEP")
         raise MeshError(
@@ -74,10 +76,10 @@ def read_promise(data: bytes, name: str) -> StepPromise:
     if end < 0 or stop < 0:
         raise truncated(name, "'END-ISO-10303-21;' is missing at its end")
     body = text[start.start(1) : stop + 1]
-    plain = _COMMENT.sub(b"", _STRING.sub(b"''", body))
+    plain = _COMMENT.sub(b"", body)
     kinds: dict[bytes, list[tuple[int, list[int]]]] = {}
     for number, kind, rest in _ENTITY.findall(plain):
-        references = [int(r) for r in _REFERENCE.findall(rest)]
+        references = [int(r) for r in _REFERENCE.findall(_STRING.sub(b"", rest))]
         kinds.setdefault(kind, []).append((int(number), references))
     shells = dict(kinds.get(b"CLOSED_SHELL", []) + kinds.get(b"OPEN_SHELL", []))
     faces = {n for kind in (b"ADVANCED_FACE", b"FACE_SURFACE") for n, _ in kinds.get(kind, [])}
