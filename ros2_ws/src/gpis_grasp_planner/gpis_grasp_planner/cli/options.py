@@ -196,6 +196,7 @@ def find_part(
     """
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.catalogue import load_part
+    from gpis_grasp_planner.geometry.mesh_file import MESH_SUFFIXES
     from gpis_grasp_planner.plan.document import MeshSource
 
     path = Path(mesh)
@@ -208,7 +209,12 @@ def find_part(
                 f"{option} {value} is for mesh files; '{mesh}' is an ID of the catalogue, whose "
                 f"YAML file says it. Leave {option} out, or give the file's path (./...)."
             )
-    return catalogue.load(mesh), None
+    try:
+        return catalogue.load(mesh), None
+    except RequestError as error:
+        if path.suffix.lower() not in MESH_SUFFIXES:
+            raise
+        raise RequestError(f"There is no file '{mesh}' here. {error}", error.code) from None
 
 
 def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> Part:
