@@ -124,16 +124,16 @@ def test_a_mesh_that_is_not_there(mesh: str, unit: str | None, code: ErrorCode) 
 
 def test_a_file_that_is_not_there_is_called_a_file() -> None:
     with pytest.raises(RequestError, match=r"There is no file 'nothere\.step' here"):
-        options.find_part("nothere.step", None, options.catalogue_of(None))
+        find_part("nothere.step", None, catalogue_of(None))
 
 
 def test_one_body_of_a_file_is_found_and_remembered(tmp_path: Path) -> None:
     path = tmp_path / "whole.step"
     parts = [("bolt", d.box((20, 20, 20)), (0, 0, 0)), ("plate", d.box((80, 60, 5)), (0, 0, 30))]
     path.write_bytes(step_dialects.assembly(parts))
-    part, source = options.find_part(str(path), None, options.catalogue_of(None), "plate")
+    part, source = find_part(str(path), None, catalogue_of(None), "plate")
     assert part.mesh.extent == pytest.approx((0.08, 0.06, 0.005))
     assert source is not None
     assert source.body == "plate"
     with pytest.raises(RequestError, match="--body plate is for mesh files"):
-        options.find_part("mug", None, options.catalogue_of(None), "plate")
+        find_part("mug", None, catalogue_of(None), "plate")
