@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import options, place_options
+from gpis_grasp_planner.cli import constraint_options, options, place_options
 from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 
@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
+    constraint_options.add_constraints(parser)
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="write the document; '-' for stdout, alone"
     )
@@ -66,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
+    scene = place_options.scene_of_file(arguments.scene)
+    approach, forbidden = constraint_options.constraints_of(arguments, scene)
     request = PlanRequest(
         planner=arguments.planner,
         seed=arguments.seed,
@@ -74,6 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
         friction=options.friction_of(arguments.friction, arguments.friction_palm, part.friction),
         max_evaluations=arguments.evaluations,
         verification=arguments.verify,
+        approach=approach,
+        forbidden=forbidden,
     )
     place = place_options.place_of(arguments, part, catalogue)
     from gpis_grasp_planner.cli.preparation import ready_to_plan
