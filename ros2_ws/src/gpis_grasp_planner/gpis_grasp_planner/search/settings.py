@@ -118,7 +118,11 @@ class HppSettings(SettingsGroup):
         "the seeds of the local adaption draw them.",
     )
     volume_weight: float = setting(
-        0.5, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
+        0.5,
+        low=0.0,
+        high=100.0,
+        description="lambda of the objective: epsilon + lambda volume.",
+        common=True,
     )
     palm_clearance_m: float = setting(
         0.12,
