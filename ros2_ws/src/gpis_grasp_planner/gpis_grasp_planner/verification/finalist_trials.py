@@ -102,6 +102,7 @@ class FinalistTrials:
         self._workers: list[_Worker] = []
         self._spent_s, self._n_made = 0.0, 0
         self._no_cover = ""
+        link_hulls(hand)  # 0.2 s, here once, so that no child needs to
         self._prepared = known(part, settings)
         self._cover: ForkedChild | None = None
         if self._prepared is None:
@@ -270,7 +271,6 @@ class FinalistTrials:
 
     def _new_worker(self) -> _Worker:
         assert self._prepared is not None
-        link_hulls(self.hand)  # here, so that no child needs to
         serve = partial(_serve, self.part, self.hand, self.settings, self._prepared)
         worker = _Worker(ForkedChild(serve))
         self._workers.append(worker)
