@@ -41,7 +41,7 @@ def main() -> None:
         request = PlanRequest(time_budget_s=5.0, friction=Friction(0.6, 0.6))
         grasps = planner.plan(part, request).grasps
         start = time.perf_counter()
-        pieces = len(prepare(part, settings).pieces)
+        pieces = len(prepare(part, settings).cover.pieces)
         cover_s = time.perf_counter() - start
         for processes in arguments.processes:
             start, before_s = time.perf_counter(), computing_s()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.grasp.order import DISTINCT, pose_difference
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan import run as run_module
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor, Phase
@@ -259,6 +262,53 @@ class NeverFree:
         return self.empty
 
     postures = attempt_from = approach = guided_potential = attempt
+
+
+class FirstOfferHolds:
+    """Trials in which the first grasp that was offered holds and no other is tried."""
+
+    n_tried = n_held = n_lost = 1
+    offers: ClassVar[list] = []
+
+    def __init__(self, *_):
+        self.offers.clear()
+
+    def offer(self, grasps):
+        self.offers.extend(grasps)
+
+    def poll(self, *_):
+        pass
+
+    def finish(self, *_):
+        pass
+
+    def of(self, grasp):
+        first = np.array_equal(grasp.T_object_palm, self.offers[0].T_object_palm)
+        return Trials((TrialOutcome("case", True),)) if first else None
+
+    def close(self):
+        pass
+
+
+def test_what_held_beside_the_search_is_answered_first(clock, planner, sphere, monkeypatch):
+    """However many better grasps the search found after it, which nobody tried."""
+    planner.prepare(sphere)
+    monkeypatch.setattr(run_module, "RunningTrials", FirstOfferHolds)
+    request = PlanRequest(seed=3, time_budget_s=2.0, n_grasps=4, verification="rank")
+    result = planner.answer(sphere, request, monitor=Monitor(2.0, clock=clock.read)).result
+    assert result.code == ErrorCode.SUCCESS
+    first, *others = result.grasps
+    assert np.array_equal(first.T_object_palm, FirstOfferHolds.offers[0].T_object_palm)
+    assert first.trials.held
+    assert all(grasp.trials is None for grasp in others)
+    apart = pose_difference(
+        first.T_object_palm, np.stack([g.T_object_palm for g in others]), sphere.max_radius
+    )
+    assert apart.min() >= DISTINCT
+    assert any(
+        "1 grasps, of which 1 held" in note and "1 trials were lost" in note
+        for note in result.notes
+    )
 
 
 @pytest.mark.parametrize("name", ["hpp", "dual", "paper", "random-adaption"])

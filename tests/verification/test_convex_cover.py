@@ -10,7 +10,7 @@ from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalog
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree, nearest_point
-from gpis_grasp_planner.verification.convex_cover import convex_cover
+from gpis_grasp_planner.verification.convex_cover import ConvexCover, convex_cover
 
 TOLERANCE = 2e-4
 
@@ -70,3 +70,39 @@ def test_a_convex_part_is_itself(bar: Part) -> None:
     everything = ConvexHull(np.concatenate(pieces))
     assert everything.volume == pytest.approx(bar.volume, rel=1e-6)
     assert len(pieces) < 12
+
+
+def test_a_cover_of_patches_is_a_cover_and_what_is_asked_is_covered() -> None:
+    part = MeshCatalogue([default_catalogue_directory()]).load("bracket")
+    field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)
+    cover = ConvexCover(part.mesh, field, tree, TOLERANCE)
+    left = part.mesh.triangles.mean(axis=1)[:, 0] < part.mesh.bounds.mean(axis=0)[0]
+    assert cover.add(left)
+    n_left = len(cover.pieces)
+    assert not cover.add(left)  # nothing is made twice
+    assert not cover.is_complete()
+    middles = part.mesh.triangles.mean(axis=1)[left]
+    hulls = [ConvexHull(piece, qhull_options="QJ") for piece in cover.pieces]
+    gap = np.min(
+        [(middles @ h.equations[:, :3].T + h.equations[:, 3]).max(axis=1) for h in hulls], axis=0
+    )
+    assert np.quantile(gap, 0.995) < 5e-5
+    assert cover.add()
+    assert cover.is_complete()
+    assert n_left < len(cover.pieces)
+    again = ConvexCover(part.mesh, field, tree, TOLERANCE)
+    again.take_arrays(cover.as_arrays())
+    assert again.is_complete()
+    for one, other in zip(cover.pieces, again.pieces, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_making_a_cover_can_be_ended_and_goes_on() -> None:
+    part = MeshCatalogue([default_catalogue_directory()]).load("bracket")
+    field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)
+    cover = ConvexCover(part.mesh, field, tree, TOLERANCE)
+    asked = iter(range(5))
+    cover.add(go_on=lambda: next(asked) < 3)
+    assert 1 <= len(cover.pieces) <= 3
+    cover.add()
+    assert cover.is_complete()

@@ -125,7 +125,7 @@ def test_the_bar_slips_along_when_friction_is_used_up(
     friction = 0.3
     settings = VerificationSettings(friction=friction)
     with Verifier(bar, hand, settings) as verifier:
-        assert verifier.close_on(firm.T_object_palm, firm.pregrasp_joints)
+        assert verifier.close_on(firm.T_object_palm, firm)
         verifier.world.release()
         normal = sum(contact.force_n for contact in verifier.world.contacts())
     capacity = friction * normal

@@ -31,7 +31,8 @@ def test_a_free_finger_keeps_its_coupling_to_the_end(
     part = make_box(0.01, 0.01, 0.01)
     T = np.eye(4)
     T[2, 3] = 1.0
-    with TrialWorld(hand, part, [part.mesh.vertices], VerificationSettings()) as world:
+    with TrialWorld(hand, part, VerificationSettings()) as world:
+        world.take_pieces([part.mesh.vertices])
         world.place(T, np.zeros(hand.n_joints))
         for drive in world.drives:
             drive.start()
@@ -66,7 +67,8 @@ def test_a_finger_presses_with_its_torque(bar: Part, hand: HandDescription, firm
     """What the held part takes from a finger is the torque of the full force at its tip."""
     for tip_force in (8.0, 15.0):
         settings = VerificationSettings(tip_force_n=tip_force)
-        with TrialWorld(hand, bar, [bar.mesh.vertices], settings) as world:
+        with TrialWorld(hand, bar, settings) as world:
+            world.take_pieces([bar.mesh.vertices])
             start = firm.pregrasp_joints.copy()
             for finger in hand.fingers:
                 start[finger.inner_joint] = firm.joints[finger.inner_joint] - 0.1
@@ -91,7 +93,8 @@ def test_an_inner_link_that_meets_the_part_is_freed(
     """A tall box near the inner links: they stop, the distal links go on past a third."""
     part = make_box(0.06, 0.10, 0.10)
     grasp = grasp_of(part, np.array([0.0, 0.0, 0.145]))
-    with TrialWorld(hand, part, [part.mesh.vertices], VerificationSettings()) as world:
+    with TrialWorld(hand, part, VerificationSettings()) as world:
+        world.take_pieces([part.mesh.vertices])
         world.place(grasp.T_object_palm, grasp.pregrasp_joints)
         assert world.close()
         inner, distal = angles(world).T

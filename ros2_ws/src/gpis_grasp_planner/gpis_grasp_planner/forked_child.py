@@ -21,10 +21,13 @@ from gpis_grasp_planner.errors import SystemFault
 
 _MOST_FILES = 4096
 _PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)  # loaded here, since a child must not load anything before it is tied
 
 
 class ForkedChild:
     """A child process that runs a function with its end of a pipe; a context manager.
+
+    It ends with the thread that made it, however that ends.
 
     Parameters
     ----------
@@ -51,6 +54,11 @@ class ForkedChild:
     ) -> None:
         self.end()
 
+    @property
+    def pid(self) -> int:
+        """Its process ID."""
+        return int(self._process.pid or 0)
+
     def exit_code(self) -> int | None:
         """How a child that closed its end went: -N by signal N; None if it has not ended in 1 s."""
         self._process.join(1.0)
@@ -63,22 +71,14 @@ class ForkedChild:
         self._process.join()
 
 
-def die_with_parent(parent: int) -> None:
-    """Ask the kernel (Linux) to end this process when the thread that started it ends.
-
-    A parent that is killed or stopped for good must not leave children that compute for nobody.
-    """
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # gone before the kernel was asked
-        os._exit(0)
-
-
 def _run(serve: Callable[[Connection], None], connection: Connection, parent: int) -> None:
+    # The kernel ends the child with the thread that forked it, also where that was killed.
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(0)
     # A Ctrl-C in the terminal is for the parent, which ends its children.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    die_with_parent(parent)
     kept = connection.fileno()
     os.closerange(3, kept)
     os.closerange(kept + 1, _MOST_FILES)

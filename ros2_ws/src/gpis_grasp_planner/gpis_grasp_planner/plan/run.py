@@ -19,12 +19,13 @@ from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, no
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.kept_cover import KeptCover
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
-from gpis_grasp_planner.plan.tried_grasps import TriedGrasps
+from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -191,7 +192,11 @@ class PlanRun:
             self.part, self._friction, verification, self.request.seed, self.place.covariance
         )
         made = prepare(self.part, verification, prepared.field, prepared.tree)
-        trials = RunningTrials(self.part, self.hand, verification, made, cases, self.monitor.now)
+        kept = KeptCover(self.settings.cache, self.part.mesh, verification.cover_tolerance_m)
+        kept.load_into(made.cover)
+        trials = RunningTrials(
+            self.part, self.hand, verification, made, cases, kept.save, self.monitor.now
+        )
         self._owned.callback(trials.close)
         return trials
 
@@ -216,6 +221,8 @@ class PlanRun:
                 if now >= looked_at:
                     looked_at = now + _RESERVE_INTERVAL_S
                     trying = share * left
+                    if self._trials is not None and limit is None:
+                        trying = min(trying, self._try_beside(self._trials, trying))
                     end = began + max(left - trying - self._rest_s(), _SEARCH_SHARE * left)
                 if stepped and now >= end:
                     break
@@ -268,7 +275,7 @@ class PlanRun:
             )
         code, message, best_attempt = self._verdict(grasps, tried)
         if tried is not None:
-            notes += (tried.note,)
+            notes += (tried.note, *payload_note(part, self.settings.verification))
             if code in (ErrorCode.SUCCESS, ErrorCode.CANCELLED):
                 grasps = tried.held if request.verification == "require" else tried.ranked
             else:

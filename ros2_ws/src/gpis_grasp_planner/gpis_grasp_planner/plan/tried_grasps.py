@@ -8,9 +8,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.verification.running_trials import RunningTrials
+from gpis_grasp_planner.verification.settings import VerificationSettings
+
+
+def payload_note(part: Part, settings: VerificationSettings) -> tuple[str, ...]:
+    """What is to be said of a part that the hand cannot carry: its trials were of a lighter one."""
+    if part.mass <= settings.payload_kg:
+        return ()
+    return (
+        f"'{part.mesh_id}' weighs {part.mass:.3g} kg, more than the payload of "
+        f"{settings.payload_kg:g} kg: its trials were made with {settings.mass_kg:g} kg, and "
+        "what held there need not hold the part. Set the density if it is lighter.",
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ Goren and Cohen-Or, 2013).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -90,8 +91,22 @@ class ConvexCover:
             tree.triangles, tree.lower, tree.upper, tree.child,
         )  # fmt: skip
 
-    def add(self, faces: NDArray[np.bool_] | None = None) -> bool:
+    def is_complete(self) -> bool:
+        """Whether the whole surface is covered."""
+        return bool(self._covered.all())
+
+    def add(
+        self,
+        faces: NDArray[np.bool_] | None = None,
+        go_on: Callable[[], bool] = lambda: True,
+    ) -> bool:
         """Cover some faces of the mesh (m,), or all; the largest first.
+
+        Parameters
+        ----------
+        faces : (m,) bool array, optional
+        go_on : callable
+            Asked before each piece; where it says no, the rest is left uncovered.
 
         Returns
         -------
@@ -104,9 +119,26 @@ class ConvexCover:
         seeds = np.flatnonzero(wanted)
         before = len(self.pieces)
         for seed in seeds[np.argsort(-self._areas[seeds], kind="stable")]:
-            if not self._covered[seed]:
-                self._cover(int(seed))
+            if self._covered[seed]:
+                continue
+            if not go_on():
+                break
+            self._cover(int(seed))
         return len(self.pieces) > before
+
+    def as_arrays(self) -> dict[str, Array]:
+        """A complete cover as arrays, for :meth:`take_arrays`."""
+        sizes = [len(piece) for piece in self.pieces]
+        return {
+            "points": np.concatenate(self.pieces or [np.empty((0, 3))]),
+            "ends": np.cumsum(sizes, dtype=float),
+        }
+
+    def take_arrays(self, arrays: Mapping[str, Array]) -> None:
+        """Take a complete cover of the same mesh and tolerance, made before."""
+        ends = arrays["ends"].astype(int)
+        self.pieces = np.split(arrays["points"], ends[:-1]) if len(ends) else []
+        self._covered[:] = True
 
     def _cover(self, seed: int) -> None:
         """Grow a piece from a face and mark what lies in it."""

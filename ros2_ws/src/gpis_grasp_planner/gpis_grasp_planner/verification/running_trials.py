@@ -16,13 +16,14 @@ from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from gpis_grasp_planner.forked_child import ForkedChild, answer_requests, usable_cores
+from gpis_grasp_planner.forked_child import ForkedChild, usable_cores
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.verification.bullet.bodies import link_hulls
 from gpis_grasp_planner.verification.cases import TrialCase
+from gpis_grasp_planner.verification.convex_cover import ConvexCover
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -66,6 +67,8 @@ class RunningTrials:
     prepared : PreparedPart
     cases : sequence of TrialCase
         The first decides whether a grasp holds; what fails it is not tried further.
+    on_complete : callable, optional
+        Called in the child that has covered the whole part while it had nothing to try.
     clock : callable
         Seconds, steady.
 
@@ -82,11 +85,12 @@ class RunningTrials:
         settings: VerificationSettings,
         prepared: PreparedPart,
         cases: Sequence[TrialCase],
+        on_complete: Callable[[ConvexCover], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
         self._settings, self._cases, self._clock = settings, cases, clock
         link_hulls(hand)  # here, so that no child needs to
-        self._serve = partial(_serve, part, hand, prepared, cases)
+        self._serve = partial(_serve, part, hand, prepared, cases, on_complete)
         self._tried: dict[bytes, _Tried] = {}
         self._offered: list[_Tried] = []
         self._idle: list[ForkedChild] = []
@@ -233,6 +237,7 @@ def _serve(
     hand: HandDescription,
     prepared: PreparedPart,
     cases: Sequence[TrialCase],
+    on_complete: Callable[[ConvexCover], None] | None,
     connection: Connection,
 ) -> None:
     with Verifier(part, hand, cases[0].settings, prepared) as verifier:
@@ -244,4 +249,10 @@ def _serve(
                 return verifier.verify(grasp)
             return verifier.verify_displaced(grasp, case.displacement)
 
-        answer_requests(answer, connection)
+        while True:
+            while not connection.poll(0.0) and not prepared.cover.is_complete():
+                # Nothing to try: the rest of the cover is made, for later grasps and plans.
+                prepared.cover.add(go_on=lambda: not connection.poll(0.0))
+                if prepared.cover.is_complete() and on_complete is not None:
+                    on_complete(prepared.cover)
+            connection.send(answer(connection.recv()))

@@ -88,18 +88,18 @@ class VerificationSettings(SettingsGroup):
         description="Finalists that are tried at a time, if there are cores.",
         common=True,
     )
+    trial_limit_s: float = setting(
+        10.0,
+        low=0.5,
+        high=600.0,
+        description="Computing time after which one trial is given up as hung [s].",
+    )
     budget_share: float = setting(
         0.2,
         low=0.0,
         high=0.5,
         description="Share of the time left after the preparation that is for the trials alone; "
         "before that they run beside the search.",
-    )
-    trial_limit_s: float = setting(
-        20.0,
-        low=1.0,
-        high=600.0,
-        description="Time after which a trial is given up; its grasp counts as untried.",
     )
     rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
     solver_iterations: int = setting(

@@ -1,0 +1,29 @@
+"""A cover on disk comes back as it was; another tolerance is another entry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpis_grasp_planner.disk_cache import CacheSettings
+from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.plan.kept_cover import KeptCover
+from gpis_grasp_planner.verification.convex_cover import ConvexCover
+
+
+def test_a_cover_comes_back_as_it_was(catalogue, tmp_path):
+    mesh = catalogue.load("bracket").mesh
+    field, tree = DistanceField.of(mesh), TriangleTree.of(mesh)
+    settings = CacheSettings(directory=str(tmp_path))
+    kept = KeptCover(settings, mesh, 2e-4)
+    empty = ConvexCover(mesh, field, tree)
+    assert not kept.load_into(empty)
+    assert not empty.pieces
+    made = ConvexCover(mesh, field, tree)
+    made.add()
+    kept.save(made)
+    assert kept.load_into(empty)
+    assert empty.is_complete()
+    for one, other in zip(made.pieces, empty.pieces, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert not KeptCover(settings, mesh, 1e-4).load_into(ConvexCover(mesh, field, tree))
