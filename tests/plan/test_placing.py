@@ -1,20 +1,20 @@
-"""A plan for one place: who comes first under uncertainty, and what if all is blocked."""
+"""An earlier plan at a place: who comes first under uncertainty, and when it is not enough."""
 
 from __future__ import annotations
 
-import time
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.errors import ErrorCode, PoseError
+from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
-from gpis_grasp_planner.plan.placing import place_result, plan_around, plan_at
 from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -56,12 +56,21 @@ def table(mug):
     return Place(T, Surroundings(plane))
 
 
+def place_result(planner, part, result, place, n_grasps=None, monitor=None, **request):
+    """The answer for a place from a plan alone."""
+    n = result.request.n_grasps if n_grasps is None else n_grasps
+    wanted = replace(result.request, n_grasps=n, **request)
+    return planner.known_answer(part, result, wanted, place, monitor).answer
+
+
 def test_a_place_with_nothing_changes_nothing(planner, mug, plan):
     assert not Place()
     answer = place_result(planner, mug, plan, Place())
     assert answer.result.grasps == plan.grasps
     assert answer.lift_direction is None
     assert place_result(planner, mug, plan, Place(), n_grasps=2).result.grasps == plan.grasps[:2]
+    left_over = place_result(planner, mug, plan, Place(), n_grasps=2).result.reserve.estimates
+    assert left_over[: len(plan.grasps) - 2] == plan.grasps[2:]
 
 
 def test_hold_probabilities_are_those_of_the_ranking_and_decide_the_order(planner, mug, plan):
@@ -86,7 +95,7 @@ def test_hold_probabilities_are_those_of_the_ranking_and_decide_the_order(planne
     # few are the best of all that were looked at, not of the first
     few = place_result(planner, mug, plan, Place(covariance=NOISE), n_grasps=2).result
     assert [g.hold_probability for g in few.grasps] == in_order[:2]
-    assert few.message.startswith(f"2 grasps of 'mug' out of {len(plan.grasps)}")
+    assert few.message == "2 grasps of 'mug', best first."
 
 
 def test_what_held_in_physics_stays_first(planner, mug, plan):
@@ -115,13 +124,12 @@ def test_a_bad_covariance_is_refused(planner, mug, plan):
 
 
 def test_after_the_deadline_one_grasp_is_still_estimated(planner, mug, plan):
-    answer = place_result(
-        planner, mug, plan, Place(covariance=NOISE), deadline=time.monotonic() - 1.0
-    )
+    late = Monitor(1.0, clock=iter(itertools.count(step=10.0)).__next__)
+    answer = place_result(planner, mug, plan, Place(covariance=NOISE), monitor=late)
     known = [g for g in answer.result.grasps if g.hold_probability is not None]
     assert len(known) == 1
-    assert len(answer.result.grasps) == len(plan.grasps)
-    assert f"1 of {len(plan.grasps)}" in answer.result.notes[-1]
+    assert answer.result.notes == plan.notes  # the one that was chosen is all there is
+    assert len(answer.result.grasps) == 1
 
 
 def test_answers_on_a_table_are_clear_and_have_both(planner, mug, plan, table):
@@ -144,9 +152,8 @@ def test_answers_on_a_table_are_clear_and_have_both(planner, mug, plan, table):
 
 def test_only_verified_grasps_where_those_are_required(planner, mug, plan, table):
     """No grasp of the reserve, which nobody tried, may slip into such an answer."""
-    strict = replace(plan, request=replace(REQUEST, verification="require"))
     own = {g.T_object_palm.tobytes() for g in plan.grasps}
-    for grasp in place_result(planner, mug, strict, table).result.grasps:
+    for grasp in place_result(planner, mug, plan, table, verification="require").result.grasps:
         assert grasp.T_object_palm.tobytes() in own
     loose = place_result(planner, mug, plan, table).result.grasps
     assert {g.T_object_palm.tobytes() for g in loose} - own
@@ -160,7 +167,7 @@ def test_a_grasp_that_is_in_the_reserve_as_well_is_answered_once(planner, mug, p
     assert len(set(poses)) == len(poses)
 
 
-def test_where_all_kept_are_blocked_another_search_finds_what_there_is(planner, mug, plan, table):
+def test_where_all_kept_are_blocked_a_search_finds_what_there_is(planner, mug, plan, table):
     """The plan is made poor: of its grasps only those are kept that come through the table."""
     found = clear_grasps(planner.hand, plan.grasps, table.around(), SETTINGS.clearance)
     bad = tuple(g for g, c in zip(plan.grasps, found, strict=True) if not c.clear)
@@ -168,26 +175,55 @@ def test_where_all_kept_are_blocked_another_search_finds_what_there_is(planner, 
     poor = replace(plan, grasps=bad, reserve=replace(plan.reserve, estimates=()))
     first = place_result(planner, mug, poor, table)
     assert first.result.code == ErrorCode.ALL_GRASPS_BLOCKED
-    answer = plan_around(planner, mug, REQUEST, table, "palm 3")
+    answer = planner.answer(mug, REQUEST, table, known=poor)
     assert answer.result.code == ErrorCode.SUCCESS
+    assert answer.result.evaluations >= REQUEST.max_evaluations
     again = clear_grasps(planner.hand, answer.result.grasps, table.around(), SETTINGS.clearance)
     assert all(c.clear for c in again)
-    assert "palm 3" in answer.result.notes[-1]
+
+
+def test_a_plan_for_this_very_place_needs_no_search(planner, mug, table):
+    first = planner.answer(mug, REQUEST, table).result
+    assert first.grasps
+    again = planner.answer(mug, REQUEST, table, known=first).result
+    assert [g.T_object_palm.tobytes() for g in again.grasps] == [
+        g.T_object_palm.tobytes() for g in first.grasps
+    ]
+    assert "searching" not in again.phase_s
+    # the table a hand's breadth lower is another place: what is known competes with a search
+    lower = SupportPlane(table.surroundings.support.point - [0, 0, 0.1], np.array([0.0, 0, 1]))
+    other = planner.answer(mug, REQUEST, replace(table, surroundings=Surroundings(lower)))
+    moved = planner.answer(
+        mug, REQUEST, replace(table, surroundings=Surroundings(lower)), known=first
+    )
+    assert moved.result.phase_s["searching"] > 0.0
+    assert moved.result.grasps[0].epsilon >= other.result.grasps[0].epsilon - 1e-12
+
+
+def test_what_was_tried_counts_where_trials_are_wanted(planner, mug, plan):
+    wanted = replace(REQUEST, verification="rank")
+    untried = planner.known_answer(mug, plan, wanted, Place())
+    assert not untried.satisfies(wanted)
+    assert untried.satisfies(REQUEST)
+    held = Trials((TrialOutcome("strict", True),))
+    tried = replace(plan, grasps=(*plan.grasps[:-1], replace(plan.grasps[-1], trials=held)))
+    known = planner.known_answer(mug, tried, wanted, Place())
+    assert known.satisfies(wanted)
+    assert known.answer.result.grasps[0].trials == held
+
+
+def test_a_plan_of_another_mesh_is_refused(planner, plan):
+    sphere = MeshCatalogue([default_catalogue_directory()]).load("sphere")
+    with pytest.raises(RequestError, match="of this very mesh"):
+        planner.known_answer(sphere, plan, REQUEST, Place())
 
 
 def test_inside_rock_the_counts_are_told(planner, mug):
     request = replace(REQUEST, max_evaluations=64, n_grasps=2)
-    free, answer = plan_at(planner, mug, request, Place(surroundings=ROCK))
-    assert free.code == ErrorCode.SUCCESS
-    assert free.place is None
+    answer = planner.answer(mug, request, Place(surroundings=ROCK))
     assert answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED
     assert answer.result.grasps == ()
-    kept = len(free.grasps) + len(free.reserve)
-    assert f"(palm {kept})" in answer.result.message
+    n = sum(answer.blocked.values())
+    assert n > 0
+    assert f"{n} with force closure were blocked (palm {n})" in answer.result.message
     assert f"in {answer.result.evaluations} attempts" in answer.result.message
-
-
-def test_without_a_place_the_plan_is_the_answer(planner, mug):
-    request = replace(REQUEST, max_evaluations=64, n_grasps=2)
-    free, answer = plan_at(planner, mug, request, Place())
-    assert answer.result is free

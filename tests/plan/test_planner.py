@@ -12,8 +12,9 @@ from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.plan import planner as planner_module
+from gpis_grasp_planner.plan import run as run_module
 from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.search.searches import PLANNERS
@@ -134,6 +135,11 @@ def test_progress_is_monotone(progress, result):
         assert after.best_epsilon >= before.best_epsilon
     assert all(p.time_budget_s == LONG_S for p in progress)
     assert progress[0].evaluations == 0
+    assert [p for p, _ in itertools.groupby(p.phase for p in progress)] == [
+        Phase.PREPARING,
+        Phase.SEARCHING,
+        Phase.PLACING,
+    ]
     assert progress[-1].evaluations <= result.evaluations
 
 
@@ -200,42 +206,38 @@ def test_cancelling_ends_the_search_at_the_next_step(asked, planner, sphere):
 
 
 @pytest.fixture
-def clock(monkeypatch):
+def clock():
     """A clock that goes 10 ms forward whenever it is read."""
     clock = SimpleNamespace(now=1000.0)
 
-    def monotonic():
+    def read():
         clock.now += 0.01
         return clock.now
 
-    clock.monotonic = monotonic
-    monkeypatch.setattr(planner_module, "time", clock)
-    monkeypatch.setattr("gpis_grasp_planner.search.finalists.time", clock)
+    clock.read = read
     return clock
 
 
 def test_cancelling_leaves_a_moment_for_exact_figures(clock, planner, sphere):
-    # 0.2 s are 20 readings of this clock; a hundred grasps would take a hundred.
+    # 0.2 s are 20 readings of this clock; a hundred grasps would take more than a hundred.
     calls = iter(range(1000))
-    result = planner.plan(
-        sphere,
-        PlanRequest(planner="hpp", time_budget_s=LONG_S, n_grasps=200),
-        should_stop=lambda: next(calls) >= 8,
-    )
+    monitor = Monitor(LONG_S, should_stop=lambda: next(calls) >= 8, clock=clock.read)
+    request = PlanRequest(planner="hpp", time_budget_s=LONG_S, n_grasps=200)
+    result = planner.answer(sphere, request, monitor=monitor).result
     assert result.code is ErrorCode.CANCELLED
     assert 1 <= len(result.grasps) <= 21
 
 
-@pytest.mark.parametrize("budget", [0.1, 0.5, 2.0])
+@pytest.mark.parametrize("budget", [0.3, 0.5, 2.0])
 def test_the_search_ends_within_the_budget(budget, clock, planner, sphere):
     planner.prepare(sphere)
     start = clock.now
     asked = []
-    planner.plan(
-        sphere,
-        PlanRequest(planner="random", time_budget_s=budget, n_grasps=1),
-        should_stop=lambda: asked.append(clock.now) or False,
+    monitor = Monitor(
+        budget, should_stop=lambda: asked.append(clock.now) or False, clock=clock.read
     )
+    request = PlanRequest(planner="random", time_budget_s=budget, n_grasps=1)
+    planner.answer(sphere, request, monitor=monitor)
     # The last question is before the budget's end, and time for the finalist is left.
     assert asked[-1] - start < budget
     assert clock.now - start < budget + 0.1
@@ -264,8 +266,10 @@ def test_a_search_that_never_gets_to_an_attempt_ends(
     name, clock, planner, sphere, oracle, monkeypatch
 ):
     NeverFree.empty = oracle.make_attempts(np.zeros((0, 4, 4)), [])
-    monkeypatch.setattr(planner_module, "CompiledEvaluator", NeverFree)
-    result = planner.plan(sphere, PlanRequest(planner=name, time_budget_s=0.2))
+    monkeypatch.setattr(run_module, "CompiledEvaluator", NeverFree)
+    request = PlanRequest(planner=name, time_budget_s=0.2)
+    monitor = Monitor(0.2, clock=clock.read)
+    result = planner.answer(sphere, request, monitor=monitor).result
     assert result.code is ErrorCode.NO_FEASIBLE_GRASP
     assert result.evaluations == 0
     assert result.best_attempt is None

@@ -42,7 +42,6 @@ def test_a_plan_after_it_compiles_nothing_more() -> None:
 import sys
 from numba.core.registry import CPUDispatcher
 from gpis_grasp_planner.plan.warm_up import warm_up
-from gpis_grasp_planner.plan.placing import plan_at
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.plan.settings import PlannerSettings
@@ -71,7 +70,7 @@ place = Place.from_mapping({
     "covariance": [1e-6] * 6,
 }, lambda _: part.mesh)
 settings = PlannerSettings(uncertainty=UncertaintySettings(method="unscented"))
-plan_at(GraspPlanner(settings), part, request, place)
+GraspPlanner(settings).answer(part, request, place)
 print(len(before))
 print(*sorted(signatures() - before), sep="\\n")
 """

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from gpis_grasp_planner.benchmark.tables import Summary
     from gpis_grasp_planner.grasp.grasp import Grasp
+    from gpis_grasp_planner.plan.progress import Progress as PlanProgress
     from gpis_grasp_planner.plan.request import PlanResult
-    from gpis_grasp_planner.plan.request import Progress as PlanProgress
 
 _PLAIN_WIDTH = 120
 
@@ -63,7 +63,7 @@ def check_writable(path: Path | None) -> None:
 def plan_progress() -> Iterator[Callable[[PlanProgress], None]]:
     """Show a bar over the time budget with the best epsilon so far; silent without a terminal."""
     columns = (
-        TextColumn("planning"),
+        TextColumn("{task.fields[phase]}"),
         BarColumn(),
         TextColumn("{task.completed:.1f} of {task.total:g} s"),
         TextColumn("best epsilon {task.fields[epsilon]}"),
@@ -71,13 +71,14 @@ def plan_progress() -> Iterator[Callable[[PlanProgress], None]]:
     )
     screen = console(stderr=True)
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
-        task = bar.add_task("", total=1.0, epsilon="-", attempts=0, visible=False)
+        task = bar.add_task("", total=1.0, phase="planning", epsilon="-", attempts=0, visible=False)
 
         def show(progress: PlanProgress) -> None:
             best = f"{progress.best_epsilon:.4f}" if progress.best_epsilon > 0.0 else "-"
             bar.update(
                 task,
                 total=progress.time_budget_s,
+                phase=progress.phase,
                 completed=min(progress.elapsed_s, progress.time_budget_s),
                 epsilon=best,
                 attempts=progress.evaluations,

@@ -77,12 +77,13 @@ def run(arguments: argparse.Namespace) -> int:
     )
     place = place_options.place_of(arguments, part, catalogue)
     from gpis_grasp_planner.cli.preparation import ready_to_plan
-    from gpis_grasp_planner.plan.placing import plan_at
     from gpis_grasp_planner.plan.planner import GraspPlanner
+    from gpis_grasp_planner.plan.progress import Monitor
 
     ready_to_plan(request.planner)
     with output.plan_progress() as show:
-        _, answer = plan_at(GraspPlanner(settings), part, request, place, on_progress=show)
+        monitor = Monitor(request.time_budget_s, show)
+        answer = GraspPlanner(settings).answer(part, request, place, monitor=monitor)
     result = answer.result
     to_stdout = arguments.json is not None and str(arguments.json) == "-"
     if arguments.json is not None:

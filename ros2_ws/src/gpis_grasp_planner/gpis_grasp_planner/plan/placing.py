@@ -1,227 +1,224 @@
-"""A plan for one place: clear of its surroundings, ranked under the pose's uncertainty.
+"""From an earlier answer to one for the place where the part lies now, without a new search.
 
-The node and the command line both go through here. :func:`place_result` takes a plan that exists,
-:func:`plan_around` searches anew with the surroundings known, and :func:`plan_at` does the one and,
-where that leaves nothing, the other.
+The part lies now here, now there. The grasps and the reserve of an answer are held against the
+surroundings of the new place; what is clear is ranked as ever.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.order import answer_rank
-from gpis_grasp_planner.plan.placed_answer import PlacedAnswer, causes_text, place_answer
-from gpis_grasp_planner.plan.planner import GraspPlanner
-from gpis_grasp_planner.plan.request import PlanRequest, PlanResult, Progress
-from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
-from gpis_grasp_planner.surroundings.clearance import Clearance
-from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
-from gpis_grasp_planner.surroundings.place import Place
+from gpis_grasp_planner.grasp.order import answer_rank, distinct
+from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.plan.answer import Answer, causes_text
+from gpis_grasp_planner.plan.finisher import FinishedGrasp
+from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
+from gpis_grasp_planner.plan.progress import Monitor, Phase
+from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
+from gpis_grasp_planner.surroundings.place import STAND_IN, Place
+from gpis_grasp_planner.surroundings.similarity import same_surroundings
+
+_SPARE = 1.25
 
 
-def place_result(
-    planner: GraspPlanner,
+@dataclass(frozen=True, eq=False)
+class KnownAnswer:
+    """An answer from what was known, and whether that is enough.
+
+    Attributes
+    ----------
+    answer : Answer
+    finished : tuple of FinishedGrasp
+        Its grasps, for a search that goes on from here.
+    same_place : bool
+        Whether the earlier plan was made for surroundings like these.
+    """
+
+    answer: Answer
+    finished: tuple[FinishedGrasp, ...]
+    same_place: bool
+
+    def satisfies(self, request: PlanRequest) -> bool:
+        """Whether a search is not needed: grasps of this very place, tried as asked."""
+        grasps = self.answer.result.grasps
+        if not (self.same_place and grasps):
+            return False
+        return request.verification == "none" or any(g.trials and g.trials.held for g in grasps)
+
+
+def place_known(
+    known: PlanResult,
     part: Part,
-    result: PlanResult,
     place: Place,
-    *,
-    n_grasps: int | None = None,
-    deadline: float | None = None,
-) -> PlacedAnswer:
-    """Choose and rank the grasps of a plan for one place of the part.
+    request: PlanRequest,
+    placing: GraspPlacing,
+    hold: HoldRanking,
+    monitor: Monitor,
+) -> KnownAnswer:
+    """Choose and rank the grasps of an earlier answer for a place.
 
     Parameters
     ----------
-    planner : GraspPlanner
-        Its settings `clearance` and `uncertainty` hold; what it prepared for the part is used.
+    known : PlanResult
+        Of this part; its place does not matter.
     part : Part
-    result : PlanResult
-        Of this part, made without surroundings or with these.
     place : Place
-    n_grasps : int, optional
-        At most; as many as the plan's request asked for if not given.
-    deadline : float, optional
-        Time of ``time.monotonic`` after which nothing further is begun; one grasp is always
-        looked at.
-
-    Returns
-    -------
-    PlacedAnswer
-        Its result has the code SUCCESS, ALL_GRASPS_BLOCKED, or that of a plan without grasps.
+    request : PlanRequest
+    placing : GraspPlacing
+        Of this place.
+    hold : HoldRanking
+        Of this place's covariance.
+    monitor : Monitor
+        After its deadline nothing further is begun; one grasp is always looked at.
 
     Raises
     ------
+    RequestError
+        If `known` is of another mesh.
     PoseError
         INVALID_COVARIANCE.
 
     Notes
     -----
-    With surroundings as `plan.placed_answer.place_answer`, some 0.1 s; with a covariance about 1 ms
-    more for each grasp and perturbation (default 20 times 64).
+    About 50 ms for 170 kept grasps and a plane, some 4 ms for each pre-grasp to be narrowed, and
+    10 to 60 ms for each grasp that comes from the reserve, the first time; with a covariance about
+    2 ms more for each grasp and perturbation.
     """
-    n = result.request.n_grasps if n_grasps is None else n_grasps
-    settings = planner.settings
-    covariance = None if settings.uncertainty.method == "none" else place.covariance
-    wanted = n if covariance is None else max(n, settings.uncertainty.candidates)
-    if place.surroundings:
-        answer = place_answer(
-            result,
-            planner.hand,
-            place.around(),
-            settings.clearance,
-            n_grasps=wanted,
-            tree=planner.prepare(part).tree,
-            deadline=deadline,
+    if known.mesh_hash != part.mesh.content_hash:
+        raise RequestError(
+            f"The known plan is of mesh {known.mesh_hash[:16]}..., the part has "
+            f"{part.mesh.content_hash[:16]}.... Give a plan of this very mesh."
         )
-    else:
-        few = replace(result, grasps=result.grasps[:wanted])
-        answer = PlacedAnswer(few, (Clearance(np.inf),) * len(few.grasps), {}, None)
-    message = answer.result.message
-    if covariance is not None and answer.result.grasps:
-        answer = _ranked_to_hold(planner, part, answer, covariance, deadline)
-        message = _message(answer, n)
-    chosen = replace(
-        answer.result,
+    with monitor.phase(Phase.PLACING):
+        # In free space nothing is blocked: the plan's own grasps are its best.
+        spare = _spare(known, request) if placing.around else []
+        kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
+        kept, found = placing.clear(kept)
+        chosen = _best(known, kept, spare, found, hold.candidates(request.n_grasps), monitor)
+        grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
+        of = dict(zip(map(_palm, grasps), clearances, strict=True))
+        ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
+    blocked = Counter(clearance.cause for clearance in found if clearance.cause is not None)
+    answered = tuple(ranked[: request.n_grasps])
+    code, message = _message(known, answered, len(kept), found, blocked, bool(placing.around))
+    result = replace(
+        known,
+        code=code,
         message=message,
-        grasps=answer.result.grasps[:n],
-        place=place.as_mapping(),
+        grasps=answered,
+        best_attempt=None if answered else known.best_attempt,
+        reserve=_left_over(known, answered),
+        request=request,
+        notes=known.notes + notes,
+        place=place.as_mapping() if place else None,
+        elapsed_s=monitor.elapsed_s,
+        phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
     )
-    return replace(answer, result=chosen, clearances=answer.clearances[:n])
+    support = placing.around.support
+    answer = Answer(
+        result,
+        tuple(of[_palm(grasp)] for grasp in answered),
+        blocked,
+        None if support is None else support.normal,
+    )
+    finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
+    return KnownAnswer(answer, finished, _same_place(known, placing.around, part.max_radius))
 
 
-def plan_around(
-    planner: GraspPlanner,
-    part: Part,
-    request: PlanRequest,
-    place: Place,
-    blocked: str = "",
-    on_progress: Callable[[Progress], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
-) -> PlacedAnswer:
-    """Plan with the surroundings known, for this place alone.
+def _same_place(known: PlanResult, around: Surroundings, radius: float) -> bool:
+    if known.place is None:
+        return not around
+    earlier = Place.from_mapping(known.place, lambda _: STAND_IN).around()
+    return same_surroundings(earlier, around, radius)
 
-    Parameters
-    ----------
-    planner, part, request, place
-    blocked : str
-        What blocked the grasps of the plan in free space (`answer.causes_text`), to be told again.
-    on_progress, should_stop : callable, optional
-        As of `GraspPlanner.plan`.
 
-    Returns
-    -------
-    PlacedAnswer
-        Code ALL_GRASPS_BLOCKED where this search finds nothing either.
+def _spare(known: PlanResult, request: PlanRequest) -> list[int]:
+    """Grasps of the reserve that may be answered: none that nobody tried where trials count."""
+    estimates = known.reserve.estimates
+    if request.verification == "require":
+        return [i for i, g in enumerate(estimates) if g.trials is not None and g.trials.held]
+    taken = {_palm(grasp) for grasp in known.grasps}
+    return [i for i, grasp in enumerate(estimates) if _palm(grasp) not in taken]
+
+
+def _best(
+    known: PlanResult,
+    kept: Sequence[Grasp],
+    spare: Sequence[int],
+    found: Sequence[Clearance],
+    n: int,
+    monitor: Monitor,
+) -> list[tuple[Grasp, Clearance]]:
+    """The best clear grasps with exact quality, and their clearances.
+
+    Mutually distinct by the list's rule; where that leaves room, by the reserve's.
     """
-    known = replace(request, surroundings=place.around())
-    result = planner.plan(part, known, on_progress, should_stop, place)
-    # The search is over; what is left to do is short, and an answer without it would be none.
-    answer = place_result(planner, part, result, place)
-    before = f" ({blocked})" if blocked else ""
-    if answer.result.grasps:
-        note = (
-            f"All grasps kept of the plan in free space were blocked here{before}; these were "
-            "planned with the surroundings known."
-        )
-        notes = (*answer.result.notes, note)
-        return replace(answer, result=replace(answer.result, notes=notes))
-    if result.code == ErrorCode.CANCELLED:
-        return answer
-    message = (
-        f"Every grasp kept of '{part.mesh_id}' is blocked at this pose{before}, and a search that "
-        f"knew the surroundings found none in {result.evaluations} attempts. Move the part or the "
-        "obstacle, give more time, or a smaller clearance.margin_m."
-    )
-    return replace(
-        answer,
-        result=replace(answer.result, code=ErrorCode.ALL_GRASPS_BLOCKED, message=message),
-    )
-
-
-def plan_at(
-    planner: GraspPlanner,
-    part: Part,
-    request: PlanRequest,
-    place: Place,
-    on_progress: Callable[[Progress], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
-) -> tuple[PlanResult, PlacedAnswer]:
-    """Plan in free space, then for the place; search once more where all grasps are blocked.
-
-    Returns
-    -------
-    result : PlanResult
-        The plan in free space, good for other places.
-    answer : PlacedAnswer
-    """
-    start = time.monotonic()
-    result = planner.plan(part, request, on_progress, should_stop, place)
-    if not place:
-        answer = PlacedAnswer(result, (Clearance(np.inf),) * len(result.grasps), {}, None)
-        return result, answer
-    answer = place_result(planner, part, result, place)
-    if answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED:
-        again = request.again(time.monotonic() - start)
-        causes = causes_text(answer.blocked)
-        answer = plan_around(planner, part, again, place, causes, on_progress, should_stop)
-    return result, answer
-
-
-def _ranked_to_hold(
-    planner: GraspPlanner,
-    part: Part,
-    answer: PlacedAnswer,
-    covariance: NDArray[np.float64],
-    deadline: float | None,
-) -> PlacedAnswer:
-    """The grasps with their hold probability, in the order of `answer_rank`."""
-    result, settings = answer.result, planner.settings
-    prepared = planner.prepare(part)
-    evaluator = CompiledEvaluator(
-        planner.hand, part, result.friction, settings.scene, prepared.field, prepared.tree
-    )
-    grasps: list[Grasp] = []
-    for grasp in result.grasps:
-        if grasps and deadline is not None and time.monotonic() > deadline:
+    clear = [i for i, clearance in enumerate(found) if clearance.clear]
+    if not clear:
+        return []
+    weight = known.volume_weight
+    order = np.array(sorted(range(len(clear)), key=lambda k: answer_rank(kept[clear[k]], weight)))
+    T = np.stack([kept[i].T_object_palm for i in clear])
+    wanted = int(np.ceil(_SPARE * n))
+    first = distinct(T, order, known.torque_scale, wanted)
+    rest = [int(i) for i in order if i not in first]
+    chosen: list[tuple[Grasp, Clearance]] = []
+    for i in [clear[k] for k in (*first, *rest[: wanted - len(first)])]:
+        if chosen and (monitor.left_s < 0.0 or monitor.stopped()):
             break
-        # One at a time for the deadline's sake; the same seed gives all the same perturbations.
-        _, [estimate] = rank_under_uncertainty(
-            evaluator,
-            planner.hand,
-            [grasp],
-            covariance,
-            settings.uncertainty,
-            np.random.default_rng(result.request.seed),
-        )
-        grasps.append(replace(grasp, hold_probability=estimate.probability))
-    tried = len(grasps)
-    grasps += result.grasps[tried:]
-    weight = settings.hpp.volume_weight
-    order = sorted(range(len(grasps)), key=lambda i: answer_rank(grasps[i], weight))
-    notes = result.notes
-    if tried < len(grasps):
-        notes += (
-            f"The time budget ended after the hold probability of {tried} of {len(grasps)} grasps.",
-        )
+        grasp = kept[i]
+        if i >= len(known.grasps):
+            exact = known.reserve.exact(spare[i - len(known.grasps)])
+            grasp = replace(grasp, epsilon=exact.epsilon, volume=exact.volume)
+        if grasp.feasible:
+            chosen.append((grasp, found[i]))
+    chosen.sort(key=lambda pair: answer_rank(pair[0], weight))
+    return chosen[:n]
+
+
+def _left_over(known: PlanResult, answered: Sequence[Grasp]) -> Reserve:
+    """Everything known that is not answered here: clear or not, it may be elsewhere."""
+    taken = {_palm(grasp) for grasp in answered}
+    rest = [*known.grasps, *known.reserve.estimates]
     return replace(
-        answer,
-        result=replace(result, grasps=tuple(grasps[i] for i in order), notes=notes),
-        clearances=tuple(answer.clearances[i] for i in order),
+        known.reserve, estimates=tuple(g for g in rest if _palm(g) not in taken), _exact={}
     )
 
 
-def _message(answer: PlacedAnswer, n: int) -> str:
-    tried = len(answer.result.grasps)
-    blocked = f" Blocked here: {causes_text(answer.blocked)}." if answer.blocked else ""
-    return (
-        f"{min(n, tried)} grasps of '{answer.result.mesh_id}' out of {tried}, ranked by the "
-        f"probability to hold under the pose's covariance.{blocked}"
+def _message(
+    known: PlanResult,
+    answered: Sequence[Grasp],
+    n_kept: int,
+    found: Sequence[Clearance],
+    blocked: Counter[Cause],
+    placed: bool,
+) -> tuple[ErrorCode, str]:
+    if answered and not placed:
+        return ErrorCode.SUCCESS, f"{len(answered)} grasps of '{known.mesh_id}', best first."
+    if answered:
+        causes = f" ({causes_text(blocked)})" if blocked else ""
+        return ErrorCode.SUCCESS, (
+            f"{len(answered)} grasps of '{known.mesh_id}' clear of the surroundings, best first; "
+            f"{blocked.total()} of {n_kept} kept are blocked{causes}."
+        )
+    if not blocked:  # nothing was kept, or what was clear has no force closure
+        return ErrorCode.NO_FEASIBLE_GRASP, f"No grasp of '{known.mesh_id}' is known here."
+    nearest = Counter(c.nearest for c in found if not c.clear).most_common(1)[0][0]
+    return ErrorCode.ALL_GRASPS_BLOCKED, (
+        f"All {blocked.total()} grasps kept of '{known.mesh_id}' are blocked at this pose "
+        f"({causes_text(blocked)}; most often by '{nearest}')."
     )
+
+
+def _palm(grasp: Grasp) -> bytes:
+    return grasp.T_object_palm.tobytes()

@@ -15,7 +15,6 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
-from gpis_grasp_planner.surroundings.obstacles import Surroundings
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
 GRASP_COUNT_RANGE = (1, 200)
@@ -41,9 +40,6 @@ class PlanRequest:
         None: that of the part, or the default of 0.6.
     max_evaluations : int or None
         Ends the search after this many attempts, which makes a run repeatable to the bit.
-    surroundings : Surroundings or None
-        In the object's frame. Where given, only grasps that are clear of it are looked for; a
-        result without serves every pose of the part (`plan.placed_answer`).
     verification : str
         One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
     """
@@ -54,7 +50,6 @@ class PlanRequest:
     n_grasps: int = 20
     friction: Friction | None = None
     max_evaluations: int | None = None
-    surroundings: Surroundings | None = None
     verification: str = "none"
 
     def __post_init__(self) -> None:
@@ -114,17 +109,6 @@ def check_friction(value: float, where: str) -> float:
     return float(value)
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a running plan is."""
-
-    elapsed_s: float
-    time_budget_s: float
-    evaluations: int
-    best_epsilon: float
-    n_candidates: int
-
-
 @dataclass(frozen=True, eq=False)
 class PlanResult:
     """The answer, with everything that is needed to recompute its figures.
@@ -132,7 +116,8 @@ class PlanResult:
     Attributes
     ----------
     code : ErrorCode
-        SUCCESS, or why there is no grasp (NO_FEASIBLE_GRASP, CANCELLED).
+        SUCCESS, or why there is none (NO_FEASIBLE_GRASP, ALL_GRASPS_BLOCKED, NO_GRASP_HOLDS);
+        CANCELLED may come with the grasps that were finished.
     message : str
     grasps : tuple of Grasp
         With force closure, mutually distinct, best first, in the object's frame.
@@ -143,6 +128,8 @@ class PlanResult:
     place : mapping or None
         The place that the answer is for, in the form of `surroundings.place.Place`; None for a
         plan in free space.
+    phase_s : mapping of phase to seconds
+        How long each phase of the request took (`plan.progress.Phase`).
     reserve : Reserve
         Further grasps, for surroundings in which those of the answer are blocked.
     """
@@ -170,8 +157,14 @@ class PlanResult:
     convergence: tuple[tuple[float, int, float], ...] = field(default=())
     place: Mapping[str, Any] | None = None
     reserve: Reserve = field(default_factory=Reserve)
+    phase_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def success(self) -> bool:
-        """Whether there is at least one grasp."""
+        """Whether the answer is complete: code SUCCESS."""
         return self.code == ErrorCode.SUCCESS
+
+    @property
+    def volume_weight(self) -> float:
+        """Lambda of the objective that the grasps are ranked by."""
+        return float(self.settings["hpp"]["volume_weight"])

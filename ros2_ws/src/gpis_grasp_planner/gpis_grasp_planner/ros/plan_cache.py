@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import threading
 from collections import OrderedDict
@@ -11,48 +12,82 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
+from gpis_grasp_planner.surroundings.place import STAND_IN, Place
+from gpis_grasp_planner.surroundings.similarity import same_surroundings
+
+# About a part's origin: supports are compared as far as a hand may reach beside it.
+_RADIUS_M = 0.2
 
 # What is done with a plan afterwards, at each place anew, does not make it another plan.
 AFTERWARDS = ("clearance", "uncertainty")
 
 
 def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
-    """One string for everything that decides which plan in free space is asked for.
+    """One string for everything that decides which plan is asked for, but for the place.
 
-    How its grasps are tried in physics, where the first request has its part, is not part of it.
+    A plan for one place is the beginning of one for another.
     """
     settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
     content: Mapping[str, Any] = {
-        **asdict(replace(order, present=None)),
+        **asdict(replace(order, place=None, known=b"")),
         "settings": settings,
         "mesh": mesh_fingerprint,
     }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 
 class PlanCache:
-    """A bounded store of plans; the least recently used goes first. Safe to use from threads."""
+    """A bounded store of plans; the least recently used goes first. Safe to use from threads.
+
+    Of one key it holds plans for several places: a part stands on this table now, on that later.
+    """
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self._plans: OrderedDict[str, Plan] = OrderedDict()
+        self._plans: OrderedDict[tuple[str, int], Plan] = OrderedDict()
         self._lock = threading.Lock()
+        self._numbers = itertools.count()
 
     def __len__(self) -> int:
         return len(self._plans)
 
-    def get(self, key: str) -> Plan | None:
-        """Look a plan up; it counts as used."""
+    def get(self, key: str, place: Place | None = None) -> Plan | None:
+        """The plan made for surroundings like these, else the latest for any; it counts as used.
+
+        Parameters
+        ----------
+        key : str
+        place : Place, optional
+            None for free space.
+        """
+        around = Place().around() if place is None else place.around()
         with self._lock:
-            plan = self._plans.get(key)
-            if plan is not None:
-                self._plans.move_to_end(key)
-            return plan
+            names = [name for name in reversed(self._plans) if name[0] == key]
+            if not names:
+                return None
+            same = [name for name in names if _made_for(self._plans[name], around)]
+            name = (same or names)[0]
+            self._plans.move_to_end(name)
+            return self._plans[name]
 
     def put(self, key: str, plan: Plan) -> None:
-        """Keep a plan, and drop the oldest beyond `size`."""
+        """Keep a plan in place of one for the same surroundings; drop the oldest beyond `size`."""
+        around = _around(plan)
         with self._lock:
-            self._plans[key] = plan
-            self._plans.move_to_end(key)
+            for name in [name for name in self._plans if name[0] == key]:
+                if _made_for(self._plans[name], around):
+                    del self._plans[name]
+            self._plans[key, next(self._numbers)] = plan
             while len(self._plans) > self.size:
                 self._plans.popitem(last=False)
+
+
+def _made_for(plan: Plan, around: Surroundings) -> bool:
+    return same_surroundings(_around(plan), around, _RADIUS_M)
+
+
+def _around(plan: Plan) -> Surroundings:
+    if plan.place is None:
+        return Surroundings()
+    return Place.from_mapping(plan.place, lambda _: STAND_IN).around()

@@ -104,10 +104,10 @@ class PlanGraspService:
         place = self._scenes.place(request, pose)  # before the plan: a bad scene is told at once
         supplied = self._supply.plan(request.mesh_id, plan_request, place)
         if given is None and not supplied.from_cache:
-            pose = self._newer(request.mesh_id, pose)
-            place = self._scenes.place(request, pose)
-        if place:
-            supplied = self._supply.place(supplied, place, plan_request)
+            pose, planned_for = self._newer(request.mesh_id, pose), pose
+            if place and pose is not planned_for:
+                place = self._scenes.place(request, pose)
+                supplied = self._supply.place(supplied, place, plan_request)
         plan = supplied.plan
         response.code = int(plan.code)
         response.message = plan.message

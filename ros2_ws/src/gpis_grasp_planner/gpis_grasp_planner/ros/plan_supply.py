@@ -7,7 +7,6 @@ at once. A request that finds its plan in memory never waits.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -80,11 +79,11 @@ class PlanSupply:
             MeshCatalogue(self._directories, self._catalogue_settings()).load(mesh_id)
 
     def plan(self, mesh_id: str, request: PlanRequest, place: Place | None = None) -> SuppliedPlan:
-        """Look a plan up or make it.
+        """Look a plan up or make it, for a place where one is given.
 
         A plan holds at least the node's default number of grasps, so that requests for fewer
-        share it. It is good for every place; where one is given, the trials in physics begin with
-        what is clear there and draw from its covariance.
+        share it. What is known of the mesh is tried first, at any place; only where that is not
+        enough a search is made, for this place.
 
         Raises
         ------
@@ -93,61 +92,54 @@ class PlanSupply:
         """
         settings = self._settings()
         shared = replace(request, n_grasps=max(request.n_grasps, settings.default_n_grasps))
-        present = place.as_mapping() if place else None
-        order = replace(self._order(mesh_id, shared), present=present)
+        order = self._order(mesh_id, shared)
         self.cache.size = settings.plan_cache_size
-        known = self.cache.get(self._key(order))
-        if known is not None:
-            return SuppliedPlan(known, from_cache=True)
+        if (answer := self._from_memory(order, place)) is not None:
+            return answer
         with self._entered(settings.queue_size), self._turn:
-            return self._plan_in_turn(order, settings.planning_grace_s)
+            # Another request may have made the plan while this one waited.
+            return self._from_memory(order, place) or self._made(order, place)
 
     def place(self, supplied: SuppliedPlan, place: Place, request: PlanRequest) -> SuppliedPlan:
-        """The plan for one place of its part; where that leaves nothing, another search.
-
-        What is searched with the surroundings known is for this place alone and is not kept.
+        """The same plan where the part lies now, after a search that was for where it lay.
 
         Raises
         ------
         GraspPlannerError
-            BUSY where the search would have to wait for too many others, or why there is no answer.
+            Why there is no answer.
         """
-        start = time.monotonic()
-        settings, plan = self._settings(), supplied.plan
-        if plan.code != ErrorCode.SUCCESS:
+        if supplied.plan.code != ErrorCode.SUCCESS:
             return supplied
-        order = PlaceOrder(
-            plan,
-            tuple(map(str, self._directories)),
-            place.as_mapping(),
-            request.n_grasps,
-            request.time_budget_s,
-            self._planning_values(),
-        )
-        placed = self._process.place(order, settings.planning_grace_s)
-        if placed.code != ErrorCode.ALL_GRASPS_BLOCKED:
-            return SuppliedPlan(placed, supplied.from_cache)
-        spent_s = time.monotonic() - start + (0.0 if supplied.from_cache else plan.elapsed_s)
-        again = replace(
-            self._order(plan.mesh_id, request.again(spent_s)),
-            place=order.place,
-            blocked=placed.blocked,
-        )
-        with self._entered(settings.queue_size), self._turn:
-            searched = self._process.plan(again, settings.planning_grace_s)
-        return SuppliedPlan(searched, from_cache=False)
+        order = self._order(supplied.plan.mesh_id, request)
+        return SuppliedPlan(self._placed(order, supplied.plan, place), supplied.from_cache)
 
-    def _order(self, mesh_id: str, request: PlanRequest) -> PlanOrder:
-        directories = tuple(map(str, self._directories))
-        return PlanOrder(mesh_id, directories, request, self._planning_values())
-
-    def _plan_in_turn(self, order: PlanOrder, grace_s: float) -> SuppliedPlan:
-        # Another request may have made the plan, or the file may have changed, while this waited.
-        key = self._key(order)
-        known = self.cache.get(key)
-        if known is not None:
+    def _from_memory(self, order: PlanOrder, place: Place | None) -> SuppliedPlan | None:
+        known = self.cache.get(self._key(order), place)
+        if known is None:
+            return None
+        if not place and known.place is None:
             return SuppliedPlan(known, from_cache=True)
-        plan = self._process.plan(order, grace_s)
+        placed = self._placed(order, known, place or Place())
+        return SuppliedPlan(placed, from_cache=True) if placed.enough else None
+
+    def _placed(self, order: PlanOrder, known: Plan, place: Place) -> Plan:
+        place_order = PlaceOrder(
+            known, order.mesh_directories, place.as_mapping(), order.request, order.settings
+        )
+        return self._process.place(place_order, self._settings().planning_grace_s)
+
+    def _made(self, order: PlanOrder, place: Place | None) -> SuppliedPlan:
+        """A new plan; what is known of the mesh goes with the order."""
+        key = self._key(order)
+        known = self.cache.get(key, place)
+        plan = self._process.plan(
+            replace(
+                order,
+                place=place.as_mapping() if place else None,
+                known=b"" if known is None else known.record,
+            ),
+            self._settings().planning_grace_s,
+        )
         if self._key(order) != key:
             note = (
                 "The mesh file changed while it was planned on; the plan is of the version with "
@@ -157,6 +149,10 @@ class PlanSupply:
         elif plan.code == ErrorCode.SUCCESS:
             self.cache.put(key, plan)
         return SuppliedPlan(plan, from_cache=False)
+
+    def _order(self, mesh_id: str, request: PlanRequest) -> PlanOrder:
+        directories = tuple(map(str, self._directories))
+        return PlanOrder(mesh_id, directories, request, self._planning_values())
 
     @contextmanager
     def _entered(self, queue_size: int) -> Iterator[None]:

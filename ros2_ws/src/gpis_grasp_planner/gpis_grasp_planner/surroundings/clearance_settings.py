@@ -28,3 +28,10 @@ class ClearanceSettings(SettingsGroup):
         high=0.1,
         description="Distance that the fingers of a narrow pre-grasp keep from the part.",
     )
+    support_tolerance_m: float = setting(
+        0.005,
+        low=0.0,
+        high=1.0,
+        description="How far a part may reach into its support before a request is refused, or "
+        "hover over it before that is noted.",
+    )

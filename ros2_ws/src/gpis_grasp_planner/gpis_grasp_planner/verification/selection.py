@@ -38,6 +38,11 @@ class Selection:
         """Those that were seen to hold."""
         return tuple(g for g in self.ranked if g.trials is not None and g.trials.held)
 
+    @property
+    def n_tried(self) -> int:
+        """How many were tried."""
+        return len(self._tried)
+
     def split(self, n_grasps: int, only_held: bool) -> tuple[tuple[Grasp, ...], Reserve]:
         """An answer of at most `n_grasps`, and everything else as its reserve."""
         answer = (self.held if only_held else self.ranked)[:n_grasps]

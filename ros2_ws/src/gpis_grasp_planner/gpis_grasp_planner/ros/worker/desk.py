@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import pickle
 import threading
-import time
 import traceback
 import zlib
 from collections import OrderedDict
@@ -21,10 +20,9 @@ from typing import Any
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, MeshError
 from gpis_grasp_planner.geometry.catalogue import CatalogueSettings
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.plan.placed_answer import causes_text
-from gpis_grasp_planner.plan.placing import place_result, plan_around
 from gpis_grasp_planner.plan.planner import GraspPlanner
-from gpis_grasp_planner.plan.request import TIME_BUDGET_RANGE_S, PlanResult, Progress
+from gpis_grasp_planner.plan.progress import Monitor, Phase, Progress
+from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder, WorkerError
 from gpis_grasp_planner.ros.worker.parts import PartLoader
@@ -45,55 +43,69 @@ class PlannerDesk:
         # One for each thread.
         self._parts_to_plan, self._parts_to_place = PartLoader(), PartLoader()
 
-    def make_plan(self, order: PlanOrder, on_progress: Callable[[Progress], None]) -> Plan:
-        """Load the mesh and plan; around its surroundings where the order names a place.
-
-        Loading and preparing a mesh counts against the time budget, but at least half of that is
-        left to the search: a first call with a short budget must not end before it began.
+    def make_plan(
+        self,
+        order: PlanOrder,
+        on_progress: Callable[[Progress], None],
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Plan:
+        """Load the mesh and plan for the order's place; everything counts against the budget.
 
         Raises
         ------
         GraspPlannerError
             Of the catalogue or the planner.
         """
-        start = time.monotonic()
+        monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
         load = _load(self._parts_to_plan, order.mesh_directories, order.settings)
-        part = load(order.mesh_id)
+        with monitor.phase(Phase.READING):
+            part = load(order.mesh_id)
+            place = None if order.place is None else _place(order.place, load)
+        known = None
+        if order.known:
+            known = self._unpacked(order.known)
+            if known.mesh_hash != part.mesh.content_hash:
+                known = None  # of the file's former version
         planner = self._planner_for(order.settings)
-        planner.prepare(part)
-        budget_s = order.request.time_budget_s
-        left_s = max(budget_s - (time.monotonic() - start), 0.5 * budget_s, TIME_BUDGET_RANGE_S[0])
-        request = replace(order.request, time_budget_s=left_s)
-        if order.place is not None:
-            place = _place(order.place, load)
-            answer = plan_around(planner, part, request, place, order.blocked, on_progress)
-            return _light(answer.result, time.monotonic() - start, blocked=order.blocked)
-        present = None if order.present is None else _place(order.present, load)
-        result = planner.plan(part, request, on_progress, place=present)
-        record = b""
-        if result.code == ErrorCode.SUCCESS:
-            record = zlib.compress(pickle.dumps(result), _COMPRESSION)
-            self._keep(record, part, result)
-        return _light(result, time.monotonic() - start, record)
+        answer = planner.answer(part, order.request, place, known=known, monitor=monitor)
+        return self._plan(part, answer.result, monitor)
 
     def place(self, order: PlaceOrder) -> Plan:
-        """Answer a plan for a place.
+        """Answer a plan for a place, by what is known.
 
         Raises
         ------
         GraspPlannerError
             Of the catalogue, for a place that is refused, or for a mesh that has changed.
         """
-        start = time.monotonic()
+        monitor = Monitor(order.request.time_budget_s)
         load = _load(self._parts_to_place, order.mesh_directories, order.settings)
-        part, result = self._kept_or_loaded(order.plan, load)
-        planner, place = self._planner_for(order.settings), _place(order.place, load)
-        planner.prepare(part)  # has been done, but by an earlier process perhaps
-        deadline = max(start, time.monotonic() - 0.5 * order.time_budget_s) + order.time_budget_s
-        answer = place_result(
-            planner, part, result, place, n_grasps=order.n_grasps, deadline=deadline
+        with monitor.phase(Phase.READING):
+            part, result = self._kept_or_loaded(order.plan, load)
+            place = _place(order.place, load)
+        planner = self._planner_for(order.settings)
+        known = planner.known_answer(part, result, order.request, place, monitor)
+        plan = self._plan(part, known.answer.result, monitor)
+        return replace(plan, enough=known.satisfies(order.request))
+
+    def _plan(self, part: Part, result: PlanResult, monitor: Monitor) -> Plan:
+        record = b""
+        if result.code == ErrorCode.SUCCESS:
+            record = zlib.compress(pickle.dumps(result), _COMPRESSION)
+            self._keep(record, part, result)
+        return Plan(
+            code=result.code,
+            message=result.message,
+            mesh_id=result.mesh_id,
+            mesh_hash=result.mesh_hash,
+            grasps=result.grasps,
+            best_attempt=result.best_attempt,
+            notes=result.notes,
+            evaluations=result.evaluations,
+            elapsed_s=monitor.elapsed_s,
+            record=record,
+            place=result.place,
         )
-        return _light(answer.result, time.monotonic() - start, blocked=causes_text(answer.blocked))
 
     def _planner_for(self, settings: Mapping[str, Mapping[str, Any]]) -> GraspPlanner:
         groups = {name: values for name, values in settings.items() if name != "catalogue"}
@@ -121,10 +133,15 @@ class PlannerDesk:
                     f"the plan is of {plan.mesh_hash[:16]}..., the file is "
                     f"{part.mesh.content_hash[:16]}.... Call again."
                 )
-            # Written by this module, in this process or the one before it, and kept by the node.
-            kept = part, pickle.loads(zlib.decompress(plan.record))
+            kept = part, self._unpacked(plan.record)
         self._keep(plan.record, *kept)
         return kept
+
+    def _unpacked(self, record: bytes) -> PlanResult:
+        with self._lock:
+            kept = self._kept.get(_key(record))
+        # Written by this module, in this process or the one before it, and kept by the node.
+        return pickle.loads(zlib.decompress(record)) if kept is None else kept[1]
 
 
 def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
@@ -162,19 +179,3 @@ def _place(data: Mapping[str, Any], load: Callable[[str], Part]) -> Place:
 
 def _key(record: bytes) -> bytes:
     return hashlib.sha256(record).digest()
-
-
-def _light(result: PlanResult, elapsed_s: float, record: bytes = b"", blocked: str = "") -> Plan:
-    return Plan(
-        code=result.code,
-        message=result.message,
-        mesh_id=result.mesh_id,
-        mesh_hash=result.mesh_hash,
-        grasps=result.grasps,
-        best_attempt=result.best_attempt,
-        notes=result.notes,
-        evaluations=result.evaluations,
-        elapsed_s=elapsed_s,
-        record=record,
-        blocked=blocked,
-    )

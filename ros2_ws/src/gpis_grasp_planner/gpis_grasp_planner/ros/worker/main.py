@@ -15,7 +15,7 @@ import threading
 import traceback
 from multiprocessing.connection import Connection
 
-from gpis_grasp_planner.plan.request import Progress
+from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.plan.warm_up import warm_up
 from gpis_grasp_planner.ros.worker.desk import PlannerDesk, answer_of
 from gpis_grasp_planner.ros.worker.messages import (
@@ -80,13 +80,7 @@ def _make_plans(counter: Counter, desk: PlannerDesk) -> None:
         counter.send(number, WorkerAccepted())
 
         def report(progress: Progress, number: int = number) -> None:
-            message = WorkerProgress(
-                progress.elapsed_s,
-                progress.evaluations,
-                progress.best_epsilon,
-                progress.n_candidates,
-            )
-            counter.send(number, message)
+            counter.send(number, WorkerProgress(progress))
 
         counter.send(number, answer_of(desk.make_plan, order, report))
         _give_memory_back()

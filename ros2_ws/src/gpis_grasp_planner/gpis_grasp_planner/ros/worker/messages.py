@@ -11,6 +11,7 @@ from typing import Any
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.plan.request import PlanRequest
 
 
@@ -19,10 +20,8 @@ class PlanOrder:
     """One plan to make.
 
     `settings` holds, per group, the values by name: those of ``plan.settings`` and the
-    group "catalogue". With a `place` (`surroundings.place.Place.as_mapping`) the search knows the
-    surroundings, and the plan is for this place alone; `blocked` says what had blocked the plan
-    in free space. The plan of an order with a `present` place is good for all places: only the
-    trials in physics follow it.
+    group "catalogue". `place` is a `surroundings.place.Place.as_mapping`, None for free space;
+    `known` the record of an earlier plan of the mesh, whose grasps compete.
     """
 
     mesh_id: str
@@ -30,8 +29,7 @@ class PlanOrder:
     request: PlanRequest
     settings: Mapping[str, Mapping[str, Any]]
     place: Mapping[str, Any] | None = None
-    blocked: str = ""
-    present: Mapping[str, Any] | None = None
+    known: bytes = b""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +43,8 @@ class PlaceOrder:
     mesh_directories : tuple of str
     place : mapping
         `surroundings.place.Place.as_mapping`.
-    n_grasps : int
-    time_budget_s : float
-        Nothing further is begun after this time; one grasp is always looked at.
+    request : PlanRequest
+        After its time budget nothing further is begun; one grasp is always looked at.
     settings : mapping
         As in PlanOrder.
     """
@@ -55,8 +52,7 @@ class PlaceOrder:
     plan: Plan
     mesh_directories: tuple[str, ...]
     place: Mapping[str, Any]
-    n_grasps: int
-    time_budget_s: float
+    request: PlanRequest
     settings: Mapping[str, Mapping[str, Any]]
 
 
@@ -83,8 +79,11 @@ class Plan:
     record : bytes
         The whole result with its reserve, for the planning process alone: it travels with every
         order to place the plan, so that a new process needs nothing of an old one's.
-    blocked : str
-        What was blocked at the place that the plan is for, by cause.
+    place : mapping or None
+        The place that the plan is for; None for free space.
+    enough : bool
+        Whether a plan from what was known needs no further search
+        (`plan.placing.KnownAnswer.satisfies`).
     """
 
     code: ErrorCode
@@ -97,7 +96,8 @@ class Plan:
     evaluations: int
     elapsed_s: float
     record: bytes = b""
-    blocked: str = ""
+    place: Mapping[str, Any] | None = None
+    enough: bool = True
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,7 @@ class WorkerAccepted:
 class WorkerProgress:
     """How far the running plan is."""
 
-    elapsed_s: float
-    evaluations: int
-    best_epsilon: float
-    n_grasps: int
+    progress: Progress
 
 
 @dataclass(frozen=True)

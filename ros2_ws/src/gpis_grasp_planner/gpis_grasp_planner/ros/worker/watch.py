@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PlanningError, SystemFault
+from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.ros.worker.link import Mailbox, WorkerLink
 from gpis_grasp_planner.ros.worker.messages import (
     PlaceOrder,
@@ -85,7 +86,7 @@ class PlanningProcess:
         self,
         order: PlanOrder,
         grace_s: float,
-        on_progress: Callable[[WorkerProgress], None] | None = None,
+        on_progress: Callable[[Progress], None] | None = None,
     ) -> Plan:
         """Make a plan in the worker.
 
@@ -139,15 +140,16 @@ class PlanningProcess:
             and where it is late, the worker goes on.
         """
         lost: GraspPlannerError | None = None
+        budget_s = order.request.time_budget_s
         for _ in range(2):
             link, box = self._hand_over(order)
             with box:
                 try:
-                    return _plan_from(box, order.time_budget_s + grace_s, None)
+                    return _plan_from(box, budget_s + grace_s, None)
                 except TimeoutError:
                     raise PlanningError(
                         f"The answer for this place was not ready {grace_s:g} s (parameter "
-                        f"planning_grace_s) after its time budget of {order.time_budget_s:g} s. "
+                        f"planning_grace_s) after its time budget of {budget_s:g} s. "
                         "Call again, with fewer obstacles or fewer uncertainty.samples.",
                         ErrorCode.DEADLINE_EXCEEDED,
                     ) from None
@@ -220,7 +222,7 @@ class PlanningProcess:
 
 
 def _plan_from(
-    box: Mailbox, limit_s: float, on_progress: Callable[[WorkerProgress], None] | None
+    box: Mailbox, limit_s: float, on_progress: Callable[[Progress], None] | None
 ) -> Plan:
     deadline = time.monotonic() + limit_s
     while True:
@@ -230,7 +232,7 @@ def _plan_from(
         if isinstance(message, WorkerError):
             raise GraspPlannerError(message.message, message.code)
         if isinstance(message, WorkerProgress) and on_progress is not None:
-            on_progress(message)
+            on_progress(message.progress)
 
 
 def _shutting_down() -> SystemFault:

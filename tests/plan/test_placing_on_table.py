@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import coal
 import numpy as np
@@ -13,9 +14,8 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.reserve import Reserve
-from gpis_grasp_planner.plan.placed_answer import place_answer
-from gpis_grasp_planner.plan.placing import place_result
 from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.surroundings.clearance import Cause
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
@@ -25,7 +25,14 @@ from gpis_grasp_planner.surroundings.place import Place
 SEED = 20
 POSES = 200
 SETTINGS = ClearanceSettings()
+FAR_BELOW = Surroundings(SupportPlane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])))
 TABLE = Surroundings(SupportPlane(np.array([0.3, -0.2, 0.75]), np.array([0.0, 0.0, 1.0])))
+
+
+def known_at(planner, plan, place, n_grasps):
+    """What the planner answers for a place from a plan alone."""
+    request = PlanRequest(n_grasps=n_grasps, time_budget_s=60.0)
+    return planner.known_answer(plan.part, plan.result, request, place).answer
 
 
 def resting_rotations(part):
@@ -56,7 +63,7 @@ def random_place(part, rotations, rng):
 
 
 def test_no_answer_comes_through_the_table(mug_plan, planner, referee):
-    """Through `placing`, as the node and the command line ask for it."""
+    """Through the planner, as the node and the command line ask for it."""
     opened = GraspPlanner(PlannerSettings(clearance=ClearanceSettings(pregrasp="open")))
     rng = np.random.default_rng(SEED)
     rotations = resting_rotations(mug_plan.part)
@@ -68,12 +75,8 @@ def test_no_answer_comes_through_the_table(mug_plan, planner, referee):
     for number in range(POSES):
         T_world_object = random_place(mug_plan.part, rotations, rng)
         T_object_world = np.linalg.inv(T_world_object)
-        answer = place_result(
-            planner if number % 4 == 0 else opened,
-            mug_plan.part,
-            mug_plan.result,
-            Place(T_world_object, TABLE),
-            n_grasps=4,
+        answer = known_at(
+            planner if number % 4 == 0 else opened, mug_plan, Place(T_world_object, TABLE), 4
         )
         if not answer.result.grasps:
             assert answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED
@@ -104,10 +107,8 @@ def test_no_answer_comes_through_the_table(mug_plan, planner, referee):
 
 
 def test_grasps_have_their_exact_quality_and_stand_in_order(mug_plan, planner):
-    around = TABLE.seen_from(
-        random_place(mug_plan.part, resting_rotations(mug_plan.part), np.random.default_rng(0))
-    )
-    answer = place_answer(mug_plan.result, planner.hand, around, SETTINGS)
+    T = random_place(mug_plan.part, resting_rotations(mug_plan.part), np.random.default_rng(0))
+    answer = known_at(planner, mug_plan, Place(T, TABLE), 20)
     grasps = answer.result.grasps
     value = []
     for grasp in grasps:
@@ -128,7 +129,7 @@ def test_grasps_have_their_exact_quality_and_stand_in_order(mug_plan, planner):
 
 def test_all_blocked_is_a_code_with_the_causes(mug_plan, planner):
     room = Surroundings(None, (BoxObstacle(np.eye(4), np.full(3, 2.0), "rock"),))
-    answer = place_answer(mug_plan.result, planner.hand, room, SETTINGS)
+    answer = known_at(planner, mug_plan, Place(surroundings=room), 20)
     kept = len(mug_plan.result.grasps) + len(mug_plan.result.reserve)
     assert answer.result.code == ErrorCode.ALL_GRASPS_BLOCKED
     assert answer.result.grasps == ()
@@ -142,7 +143,10 @@ def test_an_answer_without_grasps_stays_as_it_is(mug_plan, planner):
     nothing = replace(
         mug_plan.result, grasps=(), reserve=Reserve(), code=ErrorCode.NO_FEASIBLE_GRASP
     )
-    assert place_answer(nothing, planner.hand, TABLE, SETTINGS).result is nothing
+    empty = SimpleNamespace(part=mug_plan.part, result=nothing)
+    answer = known_at(planner, empty, Place(surroundings=FAR_BELOW), 20)
+    assert answer.result.code == ErrorCode.NO_FEASIBLE_GRASP
+    assert answer.result.grasps == ()
 
 
 def test_the_reserve_holds_other_grasps_than_the_answer(mug_plan, oracle):
@@ -164,10 +168,7 @@ def test_a_narrow_pregrasp_keeps_off_the_part_and_closes_to_the_same_grasp(
     mesh.addVertices(part.mesh.vertices)
     mesh.addTriangles(part.mesh.faces.astype(np.int64))
     mesh.endModel()
-    around = Surroundings(SupportPlane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])))
-    answer = place_answer(
-        mug_plan.result, hand, around, SETTINGS, tree=planner.prepare(part).tree, n_grasps=12
-    )
+    answer = known_at(planner, mug_plan, Place(surroundings=FAR_BELOW), 12)
     before = {
         g.T_object_palm.tobytes(): g
         for g in (*mug_plan.result.grasps, *mug_plan.result.reserve.estimates)

@@ -1,0 +1,96 @@
+"""The answer to a request: grasps for one place of a part, or the reason why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from numpy import float64
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.plan.request import PlanResult
+from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer for one place of the part.
+
+    Attributes
+    ----------
+    result : PlanResult
+        With the grasps that are clear here, best first. It may be kept: its grasps and its reserve
+        are the beginning of an answer for another place.
+    clearances : tuple of Clearance
+        One per grasp of the result.
+    blocked : mapping of Cause to int
+        Grasps with force closure that the surroundings forbid, by cause.
+    lift_direction : (3,) array or None
+        Unit vector away from the support, in the object's frame; None without support.
+    """
+
+    result: PlanResult
+    clearances: tuple[Clearance, ...]
+    blocked: Mapping[Cause, int]
+    lift_direction: NDArray[float64] | None = None
+
+
+def causes_text(blocked: Mapping[Cause, int]) -> str:
+    """Counts by cause, such as "palm 3, finger 12"."""
+    return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
+
+
+def found_text(part: Part, n_grasps: int, placed: bool, blocked: Mapping[Cause, int]) -> str:
+    """The message of an answer with grasps."""
+    clear = " clear of the surroundings" if placed else ""
+    causes = causes_text(blocked)
+    forbidden = f" Blocked here: {causes}." if causes else ""
+    plural = "" if n_grasps == 1 else "s"
+    return f"{n_grasps} grasp{plural} of '{part.mesh_id}'{clear}, best first.{forbidden}"
+
+
+def nothing_found(
+    part: Part, attempts: int, blocked: Mapping[Cause, int], n_disagreed: int
+) -> tuple[ErrorCode, str]:
+    """Code and message where a search ended without a grasp.
+
+    Parameters
+    ----------
+    part : Part
+    attempts : int
+    blocked : mapping of Cause to int
+    n_disagreed : int
+        Grasps that PyBullet's scene did not agree with.
+    """
+    if blocked:
+        return (
+            ErrorCode.ALL_GRASPS_BLOCKED,
+            f"No grasp of '{part.mesh_id}' is clear of its surroundings here: in {attempts} "
+            f"attempts {sum(blocked.values())} with force closure were blocked "
+            f"({causes_text(blocked)}). Move the part or the obstacle, give more time, or a "
+            "smaller clearance.margin_m.",
+        )
+    if n_disagreed:
+        return (
+            ErrorCode.NO_FEASIBLE_GRASP,
+            f"PyBullet's scene agreed with none of {n_disagreed} grasps of '{part.mesh_id}' "
+            "(limit: scene.confirm_tolerance_m). Give more time, or check the mesh for "
+            "overlapping faces.",
+        )
+    extent = ", ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent)
+    return (
+        ErrorCode.NO_FEASIBLE_GRASP,
+        f"No grasp with force closure of '{part.mesh_id}' ({extent} mm) in {attempts} attempts. "
+        "Give more time, check the friction and the mesh's unit, or use a part that the hand "
+        "can span.",
+    )
+
+
+def nothing_holds(part: Part, n_grasps: int, why: str) -> str:
+    """The message where grasps were found, and none was seen to hold."""
+    return (
+        f"None of {n_grasps} grasps of '{part.mesh_id}' was seen to hold in physics ({why}). The "
+        "best is answered as an attempt. Give more time, or ask without verification."
+    )

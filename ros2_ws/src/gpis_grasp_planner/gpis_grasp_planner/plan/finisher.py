@@ -1,0 +1,147 @@
+"""From the search's candidates to grasps that may be answered, each finished once.
+
+A finished grasp has its exact quality, was seen by PyBullet's scene, is clear of the surroundings
+and has the pre-grasp it will be answered with. That takes 20 to 100 ms a grasp, so it is done for
+the best few while the search goes on, and remembered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.order import answer_rank, distinct
+from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
+from gpis_grasp_planner.search.archive import Candidate
+from gpis_grasp_planner.search.context import PlanningContext
+from gpis_grasp_planner.search.finalists import grasp_of
+from gpis_grasp_planner.surroundings.clearance import Clearance
+
+_SPARE = 1.25
+_FIRST_COST_S = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedGrasp:
+    """A grasp that may be answered, with its distance from the surroundings."""
+
+    grasp: Grasp
+    clearance: Clearance
+
+
+@dataclass(eq=False)
+class Finisher:
+    """Finishes candidates of one search.
+
+    Attributes
+    ----------
+    context : PlanningContext
+    placing : GraspPlacing
+    confirm : callable
+        Which of a sequence of grasps PyBullet's scene agrees with.
+    clock : callable
+        Seconds, steady.
+    cost_s : float [s]
+        Mean time for one candidate so far.
+    n_confirmed, n_seen : int
+        Of the grasps with force closure that PyBullet's scene looked at.
+    """
+
+    context: PlanningContext
+    placing: GraspPlacing
+    confirm: Callable[[Sequence[Grasp]], Sequence[bool]]
+    clock: Callable[[], float]
+    cost_s: float = _FIRST_COST_S
+    n_confirmed: int = 0
+    n_seen: int = 0
+    _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
+    _known: dict[bytes, FinishedGrasp | None] = field(default_factory=dict, repr=False)
+    _spent_s: float = 0.0
+
+    def add(self, finished: Sequence[FinishedGrasp]) -> None:
+        """Take grasps of an earlier plan into the competition."""
+        self._added.extend(finished)
+        self._known.update({_palm(f.grasp): f for f in finished})
+
+    def best(self, n: int, until: float | None = None, fresh: int | None = None) -> list[Grasp]:
+        """The best finished grasps among the archive's best distinct candidates.
+
+        Parameters
+        ----------
+        n : int
+            At most. A quarter more is finished, since the search's epsilon is an upper bound.
+        until : float, optional
+            By the clock; no candidate is begun after it but the first.
+        fresh : int, optional
+            At most so many are finished in this call; the others wait for the next one.
+
+        Returns
+        -------
+        list of Grasp
+            By exact epsilon + lambda volume.
+        """
+        done = [finished.grasp for finished in self._added]
+        for candidate in self.context.archive.best(int(np.ceil(_SPARE * n))):
+            key = _key(candidate)
+            if key not in self._known:
+                late = until is not None and done and self.clock() > until
+                if late or fresh == 0:
+                    continue
+                fresh = None if fresh is None else fresh - 1
+                self._known[key] = self._finish(candidate)
+            finished = self._known[key]
+            if finished is not None:
+                done.append(finished.grasp)
+        weight = self.context.settings.hpp.volume_weight
+        done.sort(key=lambda grasp: answer_rank(grasp, weight))
+        if not self._added:
+            return done[:n]  # the archive's best are distinct
+        T = np.stack([grasp.T_object_palm for grasp in done])
+        chosen = distinct(T, np.arange(len(done)), self.context.max_radius, n)
+        return [done[i] for i in chosen]
+
+    def time_for(self, n: int) -> float:
+        """What it will take to finish the best `n` distinct candidates that there are now [s]."""
+        missing = sum(
+            _key(candidate) not in self._known
+            for candidate in self.context.archive.best(int(np.ceil(_SPARE * n)))
+        )
+        return missing * self.cost_s
+
+    def clearance_of(self, grasp: Grasp) -> Clearance:
+        """Of a grasp from :meth:`best`, whatever was added to it since."""
+        finished = self._known[_palm(grasp)]
+        if finished is None:
+            raise KeyError("The grasp was not finished here.")
+        return finished.clearance
+
+    def _finish(self, candidate: Candidate) -> FinishedGrasp | None:
+        start = self.clock()
+        try:
+            grasp = grasp_of(candidate, self.context)
+            if not grasp.feasible:
+                return None
+            [grasp], [clearance] = self.placing.clear([grasp])
+            if not clearance.clear:
+                return None
+            self.n_seen += 1
+            [confirmed] = self.confirm([grasp])
+            if not confirmed:
+                return None
+            self.n_confirmed += 1
+            [grasp], [clearance] = self.placing.finished([grasp], [clearance])
+            return FinishedGrasp(grasp, clearance)
+        finally:
+            self._spent_s += self.clock() - start
+            self.cost_s = (self._spent_s + _FIRST_COST_S) / (len(self._known) + 2)
+
+
+def _key(candidate: Candidate) -> bytes:
+    return candidate.T_object_palm.tobytes()
+
+
+def _palm(grasp: Grasp) -> bytes:
+    return grasp.T_object_palm.tobytes()

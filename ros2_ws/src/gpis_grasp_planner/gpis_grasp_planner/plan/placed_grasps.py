@@ -1,0 +1,78 @@
+"""Grasps held against the surroundings of one place: which are clear, with what pre-grasp.
+
+A grasp that is blocked on its way only, by its open fingers, may be clear with narrower ones; one
+that is clear anyway comes narrow where that stays clear. What is answered, and tried in physics,
+is the grasp after this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.surroundings.clearance import Cause, Clearance, clear_grasps
+from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
+from gpis_grasp_planner.surroundings.pregrasp import narrow_pregrasp
+
+_ON_THE_WAY = (Cause.PREGRASP, Cause.CLOSING, Cause.APPROACH)
+
+
+@dataclass(frozen=True, eq=False)
+class GraspPlacing:
+    """Places grasps of one part; all in the object's frame.
+
+    Attributes
+    ----------
+    hand : HandDescription
+    around : Surroundings
+        In the object's frame (`Place.around`).
+    settings : ClearanceSettings
+    tree : TriangleTree
+        Of the part.
+    """
+
+    hand: HandDescription
+    around: Surroundings
+    settings: ClearanceSettings
+    tree: TriangleTree
+
+    def clear(self, grasps: Sequence[Grasp]) -> tuple[list[Grasp], list[Clearance]]:
+        """The grasps, some with a narrower pre-grasp to come free, and the clearance of each.
+
+        About 50 ms for 170 grasps and a plane, some 4 ms for each pre-grasp to be narrowed.
+        """
+        if not self.around:
+            return list(grasps), [Clearance(np.inf)] * len(grasps)
+        kept, found = list(grasps), clear_grasps(self.hand, grasps, self.around, self.settings)
+        rows = [i for i, clearance in enumerate(found) if clearance.cause in _ON_THE_WAY]
+        self._narrow(kept, found, rows)
+        return kept, found
+
+    def finished(
+        self, grasps: Sequence[Grasp], found: Sequence[Clearance]
+    ) -> tuple[list[Grasp], list[Clearance]]:
+        """Clear grasps with the narrowest pre-grasp that stays clear, and the way to lift them."""
+        kept, clearances = list(grasps), list(found)
+        if not self.around:
+            return kept, clearances
+        self._narrow(kept, clearances, list(range(len(kept))))
+        support = self.around.support
+        lift = None if support is None else support.normal
+        return [replace(grasp, lift_direction=lift) for grasp in kept], clearances
+
+    def _narrow(self, grasps: list[Grasp], found: list[Clearance], rows: Sequence[int]) -> None:
+        """Narrow the pre-grasps of some grasps where that is clear, in place."""
+        if self.settings.pregrasp == "open" or not rows:
+            return
+        chosen = [grasps[i] for i in rows]
+        narrow = narrow_pregrasp(self.hand, chosen, self.tree, self.settings.pregrasp_clearance_m)
+        checked = clear_grasps(self.hand, narrow, self.around, self.settings)
+        for i, grasp, clearance in zip(rows, narrow, checked, strict=True):
+            if clearance.clear:
+                grasps[i], found[i] = grasp, clearance

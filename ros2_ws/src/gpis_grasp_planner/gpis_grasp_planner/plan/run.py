@@ -1,0 +1,338 @@
+"""One search for one part at one place, from a prepared object to a ranked, tried answer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
+from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
+from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
+from gpis_grasp_planner.plan.preparation import PreparedObject
+from gpis_grasp_planner.plan.progress import Monitor, Phase
+from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
+from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.search.archive import GraspArchive
+from gpis_grasp_planner.search.context import PlanningContext
+from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
+from gpis_grasp_planner.search.searches import make_search
+from gpis_grasp_planner.surroundings.clear_evaluator import ClearEvaluator
+from gpis_grasp_planner.surroundings.clearance import Cause
+from gpis_grasp_planner.surroundings.place import Place
+from gpis_grasp_planner.verification.cases import finalist_cases
+from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
+from gpis_grasp_planner.verification.selection import Selection, select
+
+_SECONDS_AFTER_CANCEL = 0.2
+_SHORTEST_ROUND_S = 1.0
+_RESERVE_INTERVAL_S = 0.2
+_SEARCH_SHARE = 0.5
+
+
+class PlanRun:
+    """Searches, finishes, tries and ranks; a context manager that ends what it started.
+
+    Parameters
+    ----------
+    part, settings, prepared
+    request : PlanRequest
+    place : Place
+    placing, hold : GraspPlacing, HoldRanking
+        Of this place.
+    monitor : Monitor
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        settings: PlannerSettings,
+        prepared: PreparedObject,
+        request: PlanRequest,
+        place: Place,
+        placing: GraspPlacing,
+        hold: HoldRanking,
+        monitor: Monitor,
+    ):
+        self.part, self.hand, self.settings = part, placing.hand, settings
+        self.request, self.place, self.monitor = request, place, monitor
+        self._prepared = prepared
+        self._friction = request.friction_for(part.friction)
+        self._owned = ExitStack()
+        self._trials: FinalistTrials | None = None
+        if request.verification != "none":
+            self._trials = FinalistTrials(
+                part, self.hand, settings.verification, prepared.field, prepared.tree
+            )
+            self._owned.callback(self._trials.close)
+        self._evaluator = self._make_evaluator()
+        self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
+        self._context = PlanningContext(
+            part=part,
+            hand=self.hand,
+            evaluator=self._evaluator,
+            atlas=prepared.atlas,
+            archive=self._archive,
+            settings=settings.search,
+            rng=np.random.default_rng(request.seed),
+        )
+        self._search = make_search(request.planner, self._context)
+        self._finisher = Finisher(self._context, placing, self._confirm, monitor.now)
+        self._hold = hold
+        self._convergence: list[tuple[float, int, float]] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._owned.close()
+
+    def answer(self, known: Sequence[FinishedGrasp] = ()) -> Answer:
+        """Search until the budget asks for the rest, and do the rest.
+
+        Where trials were made and nothing held, there is nothing better to do with the time that
+        is left than to search on.
+
+        Parameters
+        ----------
+        known : sequence of FinishedGrasp
+            Grasps of an earlier plan that are clear here: they compete with those found now.
+        """
+        monitor = self.monitor
+        self._finisher.add(known)
+        selection: Selection | None = None
+        while True:
+            self._search_on()
+            deadline = None if self.request.max_evaluations else monitor.deadline
+            if monitor.cancelled:
+                deadline = monitor.now() + _SECONDS_AFTER_CANCEL
+            with monitor.phase(Phase.PLACING):
+                grasps = tuple(self._finisher.best(self._n_wanted, deadline))
+            if self._trials is None or monitor.cancelled or not grasps:
+                break
+            with monitor.phase(Phase.TRYING):
+                selection = self._try(self._trials, grasps, deadline, selection)
+            searched = self._search.finished or deadline is None
+            if selection.held or searched or monitor.left_s < _SHORTEST_ROUND_S:
+                break
+        return self._answer_of(grasps, selection, deadline)
+
+    @property
+    def blocked(self) -> Mapping[Cause, int]:
+        """Attempts with force closure that the surroundings forbade, by cause."""
+        return getattr(self._evaluator, "blocked", Counter())
+
+    @property
+    def _n_wanted(self) -> int:
+        """Grasps to finish: more than asked for where their order is not known yet."""
+        return self._hold.candidates(self.request.n_grasps)
+
+    def _make_evaluator(self) -> CompiledEvaluator | BulletEvaluator | ClearEvaluator:
+        scene, around = self.settings.scene, self.place.around()
+        arguments = (
+            self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
+        )  # fmt: skip
+        if scene.search_evaluator == "bullet":
+            return self._owned.enter_context(BulletEvaluator(*arguments))
+        compiled = CompiledEvaluator(*arguments)
+        if not around:
+            return compiled
+        return ClearEvaluator(compiled, self.hand, around, self.settings.clearance, scene.retreat_m)
+
+    def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
+        """Which grasps PyBullet's scene agrees with."""
+        scene = self.settings.scene
+        if not scene.confirm:
+            return [True] * len(grasps)
+        with BulletEvaluator(
+            self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
+        ) as bullet:
+            seen = bullet.confirm(grasps)
+        return [
+            look.contacts_confirmed and look.penetration_m <= scene.confirm_tolerance_m
+            for look in seen
+        ]
+
+    def _rest_s(self) -> float:
+        """What finishing, trying and ranking will need after the search [s]."""
+        n = self._n_wanted
+        return self._finisher.time_for(n) + self._hold.time_for(n)
+
+    def _search_on(self) -> None:
+        """Step the search until the rest of the budget is needed for what comes after it.
+
+        It gets at least half of what is left when it begins. One step is always taken: a budget
+        that the preparation has used up still tries.
+        """
+        monitor, limit, archive = self.monitor, self.request.max_evaluations, self._archive
+        began, left = monitor.now(), monitor.left_s
+        share = self.settings.verification.budget_share if self._trials is not None else 0.0
+        end, looked_at, stepped = began, began, False
+        with monitor.phase(Phase.SEARCHING):
+            while not self._search.finished and not monitor.stopped():
+                now = monitor.now()
+                if now >= looked_at:
+                    looked_at = now + _RESERVE_INTERVAL_S
+                    trying = share * left
+                    end = began + max(left - trying - self._rest_s(), _SEARCH_SHARE * left)
+                if stepped and now >= end:
+                    break
+                if limit is not None and self._evaluator.n_attempts >= limit:
+                    break
+                self._search.step()
+                stepped = True
+                best, attempts = archive.best_epsilon, self._evaluator.n_attempts
+                monitor.update(evaluations=attempts, best_epsilon=best, n_candidates=len(archive))
+                if best > (self._convergence[-1][2] if self._convergence else 0.0):
+                    self._convergence.append((monitor.elapsed_s, attempts, best))
+
+    def _try(
+        self,
+        trials: FinalistTrials,
+        grasps: Sequence[Grasp],
+        deadline: float | None,
+        before: Selection | None,
+    ) -> Selection:
+        """Try the finished grasps in physics, best first, until the deadline."""
+        if deadline is not None:
+            deadline -= self._hold.time_for(self._n_wanted)
+        cases = finalist_cases(
+            self.part,
+            self._friction,
+            self.settings.verification,
+            self.request.seed,
+            self.place.covariance,
+        )
+        selection = select(
+            trials,
+            cases,
+            grasps,
+            Reserve(),
+            self.settings.hpp.volume_weight,
+            deadline,
+            self.monitor.stopped,
+            known=None if before is None else before.known,
+        )
+        self.monitor.update(n_tried=selection.n_tried, n_held=len(selection.held))
+        return selection
+
+    def _answer_of(
+        self, grasps: tuple[Grasp, ...], selection: Selection | None, deadline: float | None
+    ) -> Answer:
+        """Rank, choose, and say what came of it."""
+        monitor, request, part = self.monitor, self.request, self.part
+        finisher = self._finisher
+        notes: tuple[str, ...] = ()
+        if self.settings.scene.confirm and finisher.n_seen:
+            notes += (
+                f"PyBullet's scene confirmed {finisher.n_confirmed} of {finisher.n_seen} grasps.",
+            )
+        code, message, best_attempt = self._verdict(grasps, selection)
+        if selection is not None and not monitor.cancelled:
+            notes += (selection.note,)
+            grasps = selection.ranked if code == ErrorCode.SUCCESS else ()
+            if request.verification == "require":
+                grasps = selection.held
+        with monitor.phase(Phase.PLACING):
+            ordered, of_hold = self._hold.ranked(grasps, deadline, monitor)
+        chosen = tuple(ordered[: request.n_grasps])
+        left_out = selection.ranked if selection is not None else grasps
+        reserve = self._reserve(chosen, left_out)
+        result = self._result(
+            code,
+            message or found_text(part, len(chosen), bool(self.place.surroundings), self.blocked),
+            chosen,
+            best_attempt,
+            notes + of_hold,
+            reserve,
+        )
+        support = self.place.around().support
+        return Answer(
+            result,
+            tuple(finisher.clearance_of(grasp) for grasp in chosen),
+            self.blocked,
+            None if support is None else support.normal,
+        )
+
+    def _verdict(
+        self, grasps: Sequence[Grasp], selection: Selection | None
+    ) -> tuple[ErrorCode, str, Grasp | None]:
+        """Code, message (empty for grasps that are answered) and the nearest miss."""
+        part, finisher, archive = self.part, self._finisher, self._archive
+        miss = grasp_of(archive.best_attempt, self._context) if archive.best_attempt else None
+        if self.monitor.cancelled:
+            return (
+                ErrorCode.CANCELLED,
+                f"Planning for '{part.mesh_id}' was cancelled.",
+                None if grasps else miss,
+            )
+        if not grasps:
+            disagreed = finisher.n_seen - finisher.n_confirmed
+            code, text = nothing_found(part, self._evaluator.n_attempts, self.blocked, disagreed)
+            return code, text, miss
+        require = self.request.verification == "require"
+        if selection is not None and not selection.held and (selection.n_tried or require):
+            text = nothing_holds(part, len(selection.ranked), selection.why_none)
+            return ErrorCode.NO_GRASP_HOLDS, text, selection.ranked[0]
+        return ErrorCode.SUCCESS, "", None
+
+    def _reserve(self, chosen: Sequence[Grasp], left_out: Sequence[Grasp]) -> Reserve:
+        """What is kept beside the answer: grasps that were finished, then estimates."""
+        answered = {grasp.T_object_palm.tobytes() for grasp in chosen}
+        rest = [g for g in left_out if g.T_object_palm.tobytes() not in answered]
+        further = choose_reserve(self._context, (*chosen, *rest))
+        return replace(further, estimates=(*rest, *further.estimates))
+
+    def _result(
+        self,
+        code: ErrorCode,
+        message: str,
+        grasps: tuple[Grasp, ...],
+        best_attempt: Grasp | None,
+        notes: tuple[str, ...],
+        reserve: Reserve,
+    ) -> PlanResult:
+        part, hand, scene = self.part, self.hand, self.settings.scene
+        return PlanResult(
+            code=code,
+            message=message,
+            grasps=grasps,
+            best_attempt=best_attempt,
+            mesh_id=part.mesh_id,
+            mesh_hash=part.mesh.content_hash,
+            center_of_mass=part.center_of_mass,
+            torque_scale=part.max_radius,
+            mass=part.mass,
+            cone_edges=scene.cone_edges,
+            contact_threshold=scene.contact_threshold_m,
+            friction=self._friction,
+            hand=hand.name,
+            link_names=hand.link_names,
+            joint_names=hand.joint_names,
+            request=self.request,
+            settings=self.settings.as_dict(),
+            elapsed_s=self.monitor.elapsed_s,
+            evaluations=self._evaluator.n_attempts,
+            notes=part.notes + notes,
+            convergence=tuple(self._convergence),
+            place=self.place.as_mapping() if self.place else None,
+            reserve=reserve,
+            phase_s={str(phase): spent for phase, spent in self.monitor.phase_s.items()},
+        )
