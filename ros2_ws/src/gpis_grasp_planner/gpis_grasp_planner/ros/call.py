@@ -14,15 +14,17 @@ from gpis_grasp_planner.plan.progress import Progress
 class Call:
     """A request of the service or the action; may be used from any thread.
 
-    Parameters
+    Attributes
     ----------
-    on_progress : callable, optional
-        Called with a Progress while work is done for this request.
+    start : float
+        When it came, by ``time.monotonic``.
+    progress : Progress or None
+        How far the work is by the last report, None before it has begun.
     """
 
-    def __init__(self, on_progress: Callable[[Progress], None] | None = None) -> None:
+    def __init__(self) -> None:
         self.start = time.monotonic()
-        self.on_progress = on_progress
+        self.progress: Progress | None = None
         self._lock = threading.Lock()
         self._why = ""
         self._wake_ups: list[Callable[[], None]] = []

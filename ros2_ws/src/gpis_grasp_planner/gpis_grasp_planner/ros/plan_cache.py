@@ -30,7 +30,7 @@ def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
     """
     settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
     content: Mapping[str, Any] = {
-        **asdict(replace(order, place=None, known=b"")),
+        **asdict(replace(order, place=None, known=b"", read_limit_s=0.0)),
         "settings": settings,
         "mesh": mesh_fingerprint,
     }

@@ -1,43 +1,43 @@
-"""Plans for requests: from memory where one was made, else from the planning process.
-
-One plan runs at a time; a bounded number of requests waits for its turn; one more is told BUSY
-at once. A request that finds its plan in memory never waits.
-"""
+"""Plans for requests: from memory where one was made, else from the planning process."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gpis_grasp_planner.errors import ErrorCode, SystemFault
+from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN, CatalogueSettings, MeshCatalogue
 from gpis_grasp_planner.plan.request import PlanRequest
+from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.mesh_source import fingerprint
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
 from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.work_queue import Lane, WorkQueue
 from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder
 from gpis_grasp_planner.ros.worker.watch import PlanningProcess
 from gpis_grasp_planner.surroundings.place import Place
 
 
 @dataclass(frozen=True, eq=False)
-class SuppliedPlan:
+class DeliveredPlan:
     """A plan and whether it was made for an earlier request."""
 
     plan: Plan
     from_cache: bool
 
 
-class PlanSupply:
+class PlanSource:
     """Makes plans and keeps them. Thread-safe.
+
+    A request that finds its plan in memory, as it is, never waits. Everything else has its turn
+    in the one bounded queue.
 
     Parameters
     ----------
     process : PlanningProcess
+    queue : WorkQueue
     directories : tuple of Path
         Of the mesh catalogue.
     settings : callable
@@ -49,23 +49,17 @@ class PlanSupply:
     def __init__(
         self,
         process: PlanningProcess,
+        queue: WorkQueue,
         directories: tuple[Path, ...],
         settings: Callable[[], NodeSettings],
         planning_values: Callable[[], dict[str, dict[str, Any]]],
     ) -> None:
         self._process = process
+        self._queue = queue
         self._directories = directories
         self._settings = settings
         self._planning_values = planning_values
-        self._turn = threading.Lock()
-        self._count_lock = threading.Lock()
-        self._n_requests = 0
         self.cache = PlanCache(settings().plan_cache_size)
-
-    @property
-    def n_requests(self) -> int:
-        """Requests that are planned or wait for their turn."""
-        return self._n_requests
 
     def check_mesh_id(self, mesh_id: str) -> None:
         """Refuse an ID that is not allowed or has no file, without opening or parsing one.
@@ -78,7 +72,9 @@ class PlanSupply:
         if ID_PATTERN.fullmatch(mesh_id) is None or self._fingerprint(mesh_id) is None:
             MeshCatalogue(self._directories, self._catalogue_settings()).load(mesh_id)
 
-    def plan(self, mesh_id: str, request: PlanRequest, place: Place | None = None) -> SuppliedPlan:
+    def plan(
+        self, mesh_id: str, request: PlanRequest, call: Call, place: Place | None = None
+    ) -> DeliveredPlan:
         """Look a plan up or make it, for a place where one is given.
 
         A plan holds at least the node's default number of grasps, so that requests for fewer
@@ -90,17 +86,30 @@ class PlanSupply:
         GraspPlannerError
             BUSY, or why there is no plan.
         """
-        settings = self._settings()
-        shared = replace(request, n_grasps=max(request.n_grasps, settings.default_n_grasps))
-        order = self._order(mesh_id, shared)
-        self.cache.size = settings.plan_cache_size
-        if (answer := self._from_memory(order, place)) is not None:
-            return answer
-        with self._entered(settings.queue_size), self._turn:
+        order = self._order(mesh_id, request)
+        self.cache.size = self._settings().plan_cache_size
+        if (known := self._known(order, place)) is not None:
+            if not place and known.place is None:
+                return DeliveredPlan(known, from_cache=True)
+            with self._queue.turn(Lane.KNOWN, call):
+                placed = self._placed(order, known, place or Place(), call)
+            if placed.enough or placed.code == ErrorCode.CANCELLED:
+                return DeliveredPlan(placed, from_cache=True)
+        with self._queue.turn(Lane.SEARCH, call, admitted=known is not None):
             # Another request may have made the plan while this one waited.
-            return self._from_memory(order, place) or self._made(order, place)
+            newer = self._known(order, place)
+            if newer is not None and newer is not known:
+                if not place and newer.place is None:
+                    return DeliveredPlan(newer, from_cache=True)
+                with self._queue.turn(Lane.KNOWN, call, admitted=True):
+                    placed = self._placed(order, newer, place or Place(), call)
+                if placed.enough or placed.code == ErrorCode.CANCELLED:
+                    return DeliveredPlan(placed, from_cache=True)
+            return DeliveredPlan(self._made(order, place, newer, call), from_cache=False)
 
-    def place(self, supplied: SuppliedPlan, place: Place, request: PlanRequest) -> SuppliedPlan:
+    def place(
+        self, delivered: DeliveredPlan, place: Place, request: PlanRequest, call: Call
+    ) -> DeliveredPlan:
         """The same plan where the part lies now, after a search that was for where it lay.
 
         Raises
@@ -108,37 +117,41 @@ class PlanSupply:
         GraspPlannerError
             Why there is no answer.
         """
-        if supplied.plan.code != ErrorCode.SUCCESS:
-            return supplied
-        order = self._order(supplied.plan.mesh_id, request)
-        return SuppliedPlan(self._placed(order, supplied.plan, place), supplied.from_cache)
+        if delivered.plan.code != ErrorCode.SUCCESS:
+            return delivered
+        order = self._order(delivered.plan.mesh_id, request)
+        with self._queue.turn(Lane.KNOWN, call, admitted=True):
+            placed = self._placed(order, delivered.plan, place, call)
+        return DeliveredPlan(placed, delivered.from_cache)
 
-    def _from_memory(self, order: PlanOrder, place: Place | None) -> SuppliedPlan | None:
-        known = self.cache.get(self._key(order), place)
-        if known is None:
-            return None
-        if not place and known.place is None:
-            return SuppliedPlan(known, from_cache=True)
-        placed = self._placed(order, known, place or Place())
-        return SuppliedPlan(placed, from_cache=True) if placed.enough else None
+    def known(self, mesh_id: str, request: PlanRequest, place: Place | None = None) -> Plan | None:
+        """The plan in memory that a request would begin with, None where there is none."""
+        return self._known(self._order(mesh_id, request), place)
 
-    def _placed(self, order: PlanOrder, known: Plan, place: Place) -> Plan:
+    def _known(self, order: PlanOrder, place: Place | None) -> Plan | None:
+        return self.cache.get(self._key(order), place)
+
+    def _placed(self, order: PlanOrder, known: Plan, place: Place, call: Call) -> Plan:
         place_order = PlaceOrder(
-            known, order.mesh_directories, place.as_mapping(), order.request, order.settings
+            known,
+            order.mesh_directories,
+            place.as_mapping(),
+            order.request,
+            order.settings,
+            order.read_limit_s,
         )
-        return self._process.place(place_order, self._settings().planning_grace_s)
+        return self._process.carry_out(place_order, call)
 
-    def _made(self, order: PlanOrder, place: Place | None) -> SuppliedPlan:
+    def _made(self, order: PlanOrder, place: Place | None, known: Plan | None, call: Call) -> Plan:
         """A new plan; what is known of the mesh goes with the order."""
         key = self._key(order)
-        known = self.cache.get(key, place)
-        plan = self._process.plan(
+        plan = self._process.carry_out(
             replace(
                 order,
                 place=place.as_mapping() if place else None,
                 known=b"" if known is None else known.record,
             ),
-            self._settings().planning_grace_s,
+            call,
         )
         if self._key(order) != key:
             note = (
@@ -148,28 +161,18 @@ class PlanSupply:
             plan = replace(plan, notes=(*plan.notes, note))
         elif plan.code == ErrorCode.SUCCESS:
             self.cache.put(key, plan)
-        return SuppliedPlan(plan, from_cache=False)
+        return plan
 
     def _order(self, mesh_id: str, request: PlanRequest) -> PlanOrder:
-        directories = tuple(map(str, self._directories))
-        return PlanOrder(mesh_id, directories, request, self._planning_values())
-
-    @contextmanager
-    def _entered(self, queue_size: int) -> Iterator[None]:
-        """Be one of the requests that are planned or wait; BUSY if there are too many."""
-        with self._count_lock:
-            if self._n_requests > queue_size:
-                raise SystemFault(
-                    f"A plan is running and {self._n_requests - 1} requests wait; the limit is "
-                    f"{queue_size} (parameter queue_size). Call again later.",
-                    ErrorCode.BUSY,
-                )
-            self._n_requests += 1
-        try:
-            yield
-        finally:
-            with self._count_lock:
-                self._n_requests -= 1
+        settings = self._settings()
+        shared = replace(request, n_grasps=max(request.n_grasps, settings.default_n_grasps))
+        return PlanOrder(
+            mesh_id,
+            tuple(map(str, self._directories)),
+            shared,
+            self._planning_values(),
+            read_limit_s=settings.mesh_read_limit_s,
+        )
 
     def _key(self, order: PlanOrder) -> str:
         return plan_key(order, self._fingerprint(order.mesh_id) or "")

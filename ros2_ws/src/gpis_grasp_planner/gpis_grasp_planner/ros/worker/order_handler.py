@@ -11,7 +11,7 @@ import threading
 import traceback
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -33,8 +33,8 @@ _KEPT = 8
 _COMPRESSION = 1
 
 
-class PlannerDesk:
-    """Serves orders; what it prepared for a mesh is kept while the settings stay the same."""
+class OrderHandler:
+    """Carries out orders; what it prepared for a mesh is kept while the settings stay the same."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -57,7 +57,7 @@ class PlannerDesk:
             Of the catalogue or the planner.
         """
         monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
-        load = _load(self._parts_to_plan, order.mesh_directories, order.settings)
+        load = _load(self._parts_to_plan, order, monitor)
         with monitor.phase(Phase.READING):
             part = load(order.mesh_id)
             place = None if order.place is None else _place(order.place, load)
@@ -70,7 +70,12 @@ class PlannerDesk:
         answer = planner.answer(part, order.request, place, known=known, monitor=monitor)
         return self._plan(part, answer.result, monitor)
 
-    def place(self, order: PlaceOrder) -> Plan:
+    def place(
+        self,
+        order: PlaceOrder,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Plan:
         """Answer a plan for a place, by what is known.
 
         Raises
@@ -78,8 +83,8 @@ class PlannerDesk:
         GraspPlannerError
             Of the catalogue, for a place that is refused, or for a mesh that has changed.
         """
-        monitor = Monitor(order.request.time_budget_s)
-        load = _load(self._parts_to_place, order.mesh_directories, order.settings)
+        monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
+        load = _load(self._parts_to_place, order, monitor)
         with monitor.phase(Phase.READING):
             part, result = self._kept_or_loaded(order.plan, load)
             place = _place(order.place, load)
@@ -166,11 +171,16 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
 
 
 def _load(
-    loader: PartLoader, directories: Sequence[str], settings: Mapping[str, Mapping[str, Any]]
+    loader: PartLoader, order: PlanOrder | PlaceOrder, monitor: Monitor
 ) -> Callable[[str], Part]:
     """What loads a part by its mesh ID."""
-    values = CatalogueSettings.from_mapping(settings["catalogue"])
-    return partial(loader.load, [Path(directory) for directory in directories], values)
+    return partial(
+        loader.load,
+        [Path(directory) for directory in order.mesh_directories],
+        CatalogueSettings.from_mapping(order.settings["catalogue"]),
+        limit_s=order.read_limit_s,
+        should_stop=monitor.stopped,
+    )
 
 
 def _place(data: Mapping[str, Any], load: Callable[[str], Part]) -> Place:
