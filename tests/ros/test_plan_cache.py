@@ -11,6 +11,8 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
 from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
+from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
+from gpis_grasp_planner.surroundings.place import Place
 
 ORDER = PlanOrder("mug", ("/parts",), PlanRequest(), {"scene": {"cone_edges": 8}})
 
@@ -48,9 +50,34 @@ def test_what_is_done_with_a_plan_afterwards_is_not(group: str) -> None:
     assert plan_key(other, "f") == plan_key(ORDER, "f")
 
 
-def test_the_place_that_the_trials_follow_is_not() -> None:
-    first = replace(ORDER, present={"support": {"point": [0, 0, 0], "normal": [0, 0, 1]}})
+def test_the_place_and_what_was_known_are_not() -> None:
+    first = replace(ORDER, place=TABLE.as_mapping(), known=b"record")
     assert plan_key(first, "f") == plan_key(ORDER, "f")
+
+
+def table(height: float) -> Place:
+    return Place(surroundings=Surroundings(SupportPlane([0, 0, height], [0, 0, 1])))
+
+
+TABLE = table(-0.05)
+
+
+def test_plans_for_several_places_are_kept_side_by_side() -> None:
+    cache = PlanCache(8)
+    free, low = plan("free"), replace(plan("low"), place=TABLE.as_mapping())
+    high = replace(plan("high"), place=table(-0.03).as_mapping())
+    for each in (free, low, high):
+        cache.put("k", each)
+    assert cache.get("k") is free
+    assert cache.get("k", TABLE) is low
+    assert cache.get("k", table(-0.0301)) is high
+    # elsewhere the one that was last used is the beginning of a new plan
+    assert cache.get("k", table(-0.2)) is high
+    newer = replace(plan("newer"), place=table(-0.051).as_mapping())
+    cache.put("k", newer)
+    assert cache.get("k", TABLE) is newer
+    assert len(cache) == 3
+    assert cache.get("other", TABLE) is None
 
 
 def test_the_file_is_in_the_key() -> None:

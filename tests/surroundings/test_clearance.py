@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.hand_motion import motions_of
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.surroundings.clearance import Cause, clear_grasps
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
-from gpis_grasp_planner.surroundings.hand_motion import motions_of
 from gpis_grasp_planner.surroundings.obstacles import (
     BoxObstacle,
     MeshObstacle,

@@ -15,7 +15,7 @@ import pytest
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
 from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
-from gpis_grasp_planner.ros import part_loading
+from gpis_grasp_planner.ros.worker import parts as part_loading
 from gpis_grasp_planner.ros.worker.parts import PartLoader, load_apart
 
 SETTINGS = CatalogueSettings()

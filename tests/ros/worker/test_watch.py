@@ -85,10 +85,13 @@ def test_an_unexpected_error_is_an_answer_too(process: PlanningProcess) -> None:
     assert "KeyError" in caught.value.message
 
 
+REQUEST = PlanRequest(planner="hpp", n_grasps=1)
+
+
 def place_order(plan: Plan) -> PlaceOrder:
     """A sphere on a table."""
     place = {"support": {"point": [0.0, 0.0, -0.05]}}
-    return PlaceOrder(plan, (str(default_catalogue_directory()),), place, 1, 5.0, VALUES)
+    return PlaceOrder(plan, (str(default_catalogue_directory()),), place, REQUEST, VALUES)
 
 
 def test_a_plan_is_placed_while_another_is_made(process: PlanningProcess) -> None:

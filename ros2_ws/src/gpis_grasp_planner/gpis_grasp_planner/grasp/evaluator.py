@@ -53,6 +53,9 @@ class Attempts:
         Estimate of the wrench space's volume.
     start_joints : (B, J) array [rad] or None
         Postures from which the fingers closed; None where they were open.
+    shift : (B, 3) array [m] or None
+        Where a constraint blocked the closed hand: the translation that would free it, zero where
+        none is known (`grasp.constraint.Verdict`). None without constraints.
     """
 
     T_object_palm: Array
@@ -67,6 +70,7 @@ class Attempts:
     epsilon: Array
     volume: Array
     start_joints: Array | None = None
+    shift: Array | None = None
 
     def __len__(self) -> int:
         return len(self.status)

@@ -11,12 +11,17 @@ from gpis_grasp_planner.hand.description import HandDescription
 Array = NDArray[np.float64]
 
 
+def open_postures(hand: HandDescription, spread: Array) -> Array:
+    """Postures (B, J) [rad] of the open hand at spreads (B,) [rad]."""
+    joints = np.zeros((len(spread), hand.n_joints))
+    for finger in hand.fingers:
+        if finger.spread_joint >= 0:
+            joints[:, finger.spread_joint] = spread
+    return joints
+
+
 def pregrasp_of(attempts: Attempts, rows: NDArray[np.intp], hand: HandDescription) -> Array:
     """Postures (n, J) [rad] from which the given attempts closed."""
     if attempts.start_joints is not None:
         return np.array(attempts.start_joints[rows])
-    pregrasp = np.zeros((len(rows), hand.n_joints))
-    for finger in hand.fingers:
-        if finger.spread_joint >= 0:
-            pregrasp[:, finger.spread_joint] = attempts.spread[rows]
-    return pregrasp
+    return open_postures(hand, attempts.spread[rows])

@@ -25,7 +25,7 @@ class Answer:
         are the beginning of an answer for another place.
     clearances : tuple of Clearance
         One per grasp of the result.
-    blocked : mapping of Cause to int
+    blocked : mapping of cause to int
         Grasps with force closure that the surroundings forbid, by cause.
     lift_direction : (3,) array or None
         Unit vector away from the support, in the object's frame; None without support.
@@ -33,26 +33,41 @@ class Answer:
 
     result: PlanResult
     clearances: tuple[Clearance, ...]
-    blocked: Mapping[Cause, int]
+    blocked: Mapping[str, int]
     lift_direction: NDArray[float64] | None = None
 
 
-def causes_text(blocked: Mapping[Cause, int]) -> str:
+def causes_text(blocked: Mapping[str, int]) -> str:
     """Counts by cause, such as "palm 3, finger 12"."""
     return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
 
 
-def found_text(part: Part, n_grasps: int, placed: bool, blocked: Mapping[Cause, int]) -> str:
-    """The message of an answer with grasps."""
+def found_text(
+    mesh_id: str, n_grasps: int, blocked: Mapping[str, int], *, placed: bool, by_hold: bool
+) -> str:
+    """The message of an answer with grasps.
+
+    Parameters
+    ----------
+    mesh_id : str
+    n_grasps : int
+    blocked : mapping of cause to int
+        What the surroundings forbade.
+    placed : bool
+        Whether there are surroundings.
+    by_hold : bool
+        Whether the probability to hold had a say in the order.
+    """
     clear = " clear of the surroundings" if placed else ""
+    order = ", ranked by the probability to hold under the pose's covariance" if by_hold else ""
     causes = causes_text(blocked)
     forbidden = f" Blocked here: {causes}." if causes else ""
     plural = "" if n_grasps == 1 else "s"
-    return f"{n_grasps} grasp{plural} of '{part.mesh_id}'{clear}, best first.{forbidden}"
+    return f"{n_grasps} grasp{plural} of '{mesh_id}'{clear}, best first{order}.{forbidden}"
 
 
 def nothing_found(
-    part: Part, attempts: int, blocked: Mapping[Cause, int], n_disagreed: int
+    part: Part, attempts: int, blocked: Mapping[str, int], n_disagreed: int
 ) -> tuple[ErrorCode, str]:
     """Code and message where a search ended without a grasp.
 
@@ -60,7 +75,7 @@ def nothing_found(
     ----------
     part : Part
     attempts : int
-    blocked : mapping of Cause to int
+    blocked : mapping of cause to int
     n_disagreed : int
         Grasps that PyBullet's scene did not agree with.
     """

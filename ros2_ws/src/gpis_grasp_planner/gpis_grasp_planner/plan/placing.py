@@ -17,13 +17,13 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.grasp.reserve import Reserve
-from gpis_grasp_planner.plan.answer import Answer, causes_text
+from gpis_grasp_planner.plan.answer import Answer, causes_text, found_text
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
-from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
+from gpis_grasp_planner.surroundings.clearance import Clearance
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
 from gpis_grasp_planner.surroundings.similarity import same_surroundings
@@ -101,16 +101,16 @@ def place_known(
         )
     with monitor.phase(Phase.PLACING):
         # In free space nothing is blocked: the plan's own grasps are its best.
-        spare = _spare(known, request) if placing.around else []
+        spare = _spare(known, request) if placing.constrained else []
         kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
         kept, found = placing.clear(kept)
         chosen = _best(known, kept, spare, found, hold.candidates(request.n_grasps), monitor)
         grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
         of = dict(zip(map(_palm, grasps), clearances, strict=True))
         ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
-    blocked = Counter(clearance.cause for clearance in found if clearance.cause is not None)
+    blocked = Counter[str](clearance.cause for clearance in found if clearance.cause is not None)
     answered = tuple(ranked[: request.n_grasps])
-    code, message = _message(known, answered, len(kept), found, blocked, bool(placing.around))
+    code, message = _message(known, answered, found, blocked, placing.constrained, hold.needed)
     result = replace(
         known,
         code=code,
@@ -132,7 +132,18 @@ def place_known(
         None if support is None else support.normal,
     )
     finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
-    return KnownAnswer(answer, finished, _same_place(known, placing.around, part.max_radius))
+    same = _same_place(known, placing.around, part.max_radius) and _same_wishes(known, request)
+    return KnownAnswer(answer, finished, same)
+
+
+def _same_wishes(known: PlanResult, request: PlanRequest) -> bool:
+    """Whether the earlier plan was free to use all that this request allows."""
+    return _wishes(known.request) == _wishes(request)
+
+
+def _wishes(request: PlanRequest) -> tuple[object, ...]:
+    cone = None if request.approach is None else request.approach.as_mapping()
+    return cone, tuple(str(region.as_mapping()) for region in request.forbidden)
 
 
 def _same_place(known: PlanResult, around: Surroundings, radius: float) -> bool:
@@ -198,18 +209,14 @@ def _left_over(known: PlanResult, answered: Sequence[Grasp]) -> Reserve:
 def _message(
     known: PlanResult,
     answered: Sequence[Grasp],
-    n_kept: int,
     found: Sequence[Clearance],
-    blocked: Counter[Cause],
+    blocked: Counter[str],
     placed: bool,
+    by_hold: bool,
 ) -> tuple[ErrorCode, str]:
-    if answered and not placed:
-        return ErrorCode.SUCCESS, f"{len(answered)} grasps of '{known.mesh_id}', best first."
     if answered:
-        causes = f" ({causes_text(blocked)})" if blocked else ""
-        return ErrorCode.SUCCESS, (
-            f"{len(answered)} grasps of '{known.mesh_id}' clear of the surroundings, best first; "
-            f"{blocked.total()} of {n_kept} kept are blocked{causes}."
+        return ErrorCode.SUCCESS, found_text(
+            known.mesh_id, len(answered), blocked, placed=placed, by_hold=by_hold
         )
     if not blocked:  # nothing was kept, or what was clear has no force closure
         return ErrorCode.NO_FEASIBLE_GRASP, f"No grasp of '{known.mesh_id}' is known here."

@@ -13,6 +13,7 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.plan.answer import Answer
+from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -23,6 +24,7 @@ from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.run import PlanRun
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.search.searches import check_planner
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.surroundings.support_check import check_support
 
@@ -86,17 +88,18 @@ class GraspPlanner:
         ------
         RequestError
             For an unknown planner, a part that reaches into its support (INVALID_SCENE), or
-            surroundings with the search in PyBullet.
+            constraints with the search in PyBullet.
         PoseError
             INVALID_COVARIANCE.
         """
         check_planner(request.planner)
         place = place or Place()
         monitor = monitor or Monitor(request.time_budget_s)
-        if place.surroundings and self.settings.scene.search_evaluator == "bullet":
+        constrained = place.surroundings or request.approach or request.forbidden
+        if constrained and self.settings.scene.search_evaluator == "bullet":
             raise RequestError(
                 "The search in PyBullet (scene.search_evaluator is 'bullet') knows no "
-                "surroundings; set it to 'compiled'."
+                "constraints; set it to 'compiled'."
             )
         notes = check_support(part, place, self.settings.clearance)
         with monitor.phase(Phase.PREPARING):
@@ -132,7 +135,14 @@ class GraspPlanner:
     def _placing(
         self, part: Part, prepared: PreparedObject, request: PlanRequest, place: Place
     ) -> tuple[GraspPlacing, HoldRanking]:
-        placing = GraspPlacing(self.hand, place.around(), self.settings.clearance, prepared.tree)
+        elsewhere = replace(place, surroundings=Surroundings())
+        placing = GraspPlacing(
+            self.hand,
+            place.around(),
+            self.settings.clearance,
+            prepared.tree,
+            make_constraints(self.hand, request, elsewhere, self.settings),
+        )
         hold = HoldRanking(part, self.hand, self.settings, prepared, place.covariance, request)
         return placing, hold
 

@@ -15,6 +15,8 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
+from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
+from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
 GRASP_COUNT_RANGE = (1, 200)
@@ -40,6 +42,10 @@ class PlanRequest:
         None: that of the part, or the default of 0.6.
     max_evaluations : int or None
         Ends the search after this many attempts, which makes a run repeatable to the bit.
+    approach : ApproachCone or None
+        Directions from which the hand may come; None: from everywhere.
+    forbidden : tuple of ForbiddenRegion
+        Boxes in the part's frame that the hand must not touch.
     verification : str
         One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
     """
@@ -51,6 +57,8 @@ class PlanRequest:
     friction: Friction | None = None
     max_evaluations: int | None = None
     verification: str = "none"
+    approach: ApproachCone | None = None
+    forbidden: tuple[ForbiddenRegion, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = TIME_BUDGET_RANGE_S

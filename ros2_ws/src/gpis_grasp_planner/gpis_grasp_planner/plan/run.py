@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -13,9 +12,11 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
+from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -29,8 +30,6 @@ from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
-from gpis_grasp_planner.surroundings.clear_evaluator import ClearEvaluator
-from gpis_grasp_planner.surroundings.clearance import Cause
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
 from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
@@ -77,6 +76,7 @@ class PlanRun:
                 part, self.hand, settings.verification, prepared.field, prepared.tree
             )
             self._owned.callback(self._trials.close)
+        self._constraints = make_constraints(self.hand, request, place, settings)
         self._evaluator = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
         self._context = PlanningContext(
@@ -87,6 +87,7 @@ class PlanRun:
             archive=self._archive,
             settings=settings.search,
             rng=np.random.default_rng(request.seed),
+            constraints=self._constraints,
         )
         self._search = make_search(request.planner, self._context)
         self._finisher = Finisher(self._context, placing, self._confirm, monitor.now)
@@ -135,26 +136,27 @@ class PlanRun:
         return self._answer_of(grasps, selection, deadline)
 
     @property
-    def blocked(self) -> Mapping[Cause, int]:
-        """Attempts with force closure that the surroundings forbade, by cause."""
-        return getattr(self._evaluator, "blocked", Counter())
+    def blocked(self) -> Mapping[str, int]:
+        """Attempts with force closure that a constraint forbade, by cause."""
+        evaluator = self._evaluator
+        return evaluator.blocked if isinstance(evaluator, ConstrainedEvaluator) else {}
 
     @property
     def _n_wanted(self) -> int:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
 
-    def _make_evaluator(self) -> CompiledEvaluator | BulletEvaluator | ClearEvaluator:
-        scene, around = self.settings.scene, self.place.around()
+    def _make_evaluator(self) -> CompiledEvaluator | BulletEvaluator | ConstrainedEvaluator:
+        scene = self.settings.scene
         arguments = (
             self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
         )  # fmt: skip
         if scene.search_evaluator == "bullet":
             return self._owned.enter_context(BulletEvaluator(*arguments))
         compiled = CompiledEvaluator(*arguments)
-        if not around:
+        if not self._constraints:
             return compiled
-        return ClearEvaluator(compiled, self.hand, around, self.settings.clearance, scene.retreat_m)
+        return ConstrainedEvaluator(compiled, self.hand, self._constraints, scene.retreat_m)
 
     def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
         """Which grasps PyBullet's scene agrees with."""
@@ -257,7 +259,14 @@ class PlanRun:
         reserve = self._reserve(chosen, left_out)
         result = self._result(
             code,
-            message or found_text(part, len(chosen), bool(self.place.surroundings), self.blocked),
+            message
+            or found_text(
+                part.mesh_id,
+                len(chosen),
+                self.blocked,
+                placed=bool(self._constraints),
+                by_hold=self._hold.needed,
+            ),
             chosen,
             best_attempt,
             notes + of_hold,

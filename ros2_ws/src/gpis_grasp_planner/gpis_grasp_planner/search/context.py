@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.constraint import Constraint
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator, PostureEvaluator
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -22,7 +23,7 @@ class PlanningContext:
     """One object, hand and friction, ready to be searched.
 
     `archive` takes every attempt a search makes; the answer is chosen from it. `rng` is the only
-    source of randomness.
+    source of randomness. `constraints` are what grasps must respect; the evaluator knows them too.
     """
 
     part: Part
@@ -32,6 +33,7 @@ class PlanningContext:
     archive: GraspArchive
     settings: SearchSettings
     rng: np.random.Generator
+    constraints: tuple[Constraint, ...] = ()
 
     @property
     def max_radius(self) -> float:

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.geometry.winding import winding_numbers
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.hand_motion import HandMotions, HandPieces, motions_of, shifted
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
-from gpis_grasp_planner.surroundings.hand_motion import HandMotions, HandPieces, motions_of, shifted
 from gpis_grasp_planner.surroundings.obstacles import (
     BoxObstacle,
     MeshObstacle,
@@ -39,13 +39,15 @@ Index = NDArray[np.int64]
 
 
 class Cause(StrEnum):
-    """What comes too near, in the order in which it is looked for."""
+    """What comes too near, in the order in which it is looked for; last, what a request forbids."""
 
     PALM = "palm"
     FINGER = "finger"
     PREGRASP = "pre-grasp"
     CLOSING = "closing"
     APPROACH = "approach"
+    DIRECTION = "approach direction"
+    REGION = "forbidden region"
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Clearance:
 
 
 @dataclass(frozen=True, eq=False)
-class _Phase:
+class Phase:
     """Straight moves of some pieces: (B, K) moves between poses (B, K, 4, 4)."""
 
     cause: Cause
@@ -134,11 +136,11 @@ def clearances(
     distance = np.full(n, np.inf)
     nearest = np.full(n, "", dtype=object)
     cause = np.full(n, None, dtype=object)
-    for phase in _phases(pieces, motions):
+    for phase in phases(pieces, motions):
         open_rows = np.flatnonzero([c is None for c in cause])
         bodies = [surroundings.support] if surroundings.support is not None else []
         for body in (*bodies, *surroundings.obstacles):
-            d = _phase_distance(pieces, phase, open_rows, body, settings.margin_m)
+            d = phase_distance(pieces, phase, open_rows, body, settings.margin_m)
             closer = d < distance[open_rows]
             distance[open_rows[closer]] = d[closer]
             nearest[open_rows[closer]] = body.name
@@ -149,26 +151,21 @@ def clearances(
     ]
 
 
-def _phases(pieces: HandPieces, motions: HandMotions) -> list[_Phase]:
+def phases(pieces: HandPieces, motions: HandMotions) -> list[Phase]:
     """The motions as straight moves, in the order of `Cause`."""
-    T, zero = motions.T, np.zeros(len(motions.T))
-    everything = np.arange(len(pieces.link))
+    T = motions.T
     palm, fingers = np.flatnonzero(~pieces.finger), np.flatnonzero(pieces.finger)
     moving = np.flatnonzero(pieces.moving)
     moves = T.shape[1] - 1
     made = np.arange(moves) < motions.moves[:, None]
     closed, opened = T[:, -1], T[:, 0]
-    start = shifted(opened, motions.back)
 
-    def phase(cause: Cause, members: Index, T_0: Array, T_1: Array) -> _Phase:
-        always = np.ones(T_0.shape[:2], dtype=bool)
-        return _Phase(cause, members, T_0, T_1, always, zero, _balls(pieces)[0][members])
-
-    def still(cause: Cause, poses: Array, members: Index) -> _Phase:
+    def still(cause: Cause, poses: Array, members: Index) -> Phase:
         at = poses[:, pieces.link[members]]
-        return phase(cause, members, at, at)
+        return _moves(pieces, cause, members, at, at)
 
-    closing = phase(
+    closing = _moves(
+        pieces,
         Cause.CLOSING,
         np.tile(moving, moves),
         T[:, :-1, pieces.link[moving]].reshape(len(T), -1, 4, 4),
@@ -180,13 +177,26 @@ def _phases(pieces: HandPieces, motions: HandMotions) -> list[_Phase]:
         still(Cause.FINGER, closed, fingers),
         still(Cause.PREGRASP, opened, fingers),
         replace(closing, made=np.repeat(made, len(moving), axis=1), bow=motions.bow),
-        phase(Cause.APPROACH, everything, start[:, pieces.link], opened[:, pieces.link]),
+        approach_phase(pieces, opened, motions.back),
     ]
 
 
-def _phase_distance(
+def approach_phase(pieces: HandPieces, T: Array, back: Array) -> Phase:
+    """The approach of whole hands at link poses (B, L, 4, 4) from (B, 3) [m] farther back."""
+    everything = np.arange(len(pieces.link))
+    first, last = shifted(T, back)[:, pieces.link], T[:, pieces.link]
+    return _moves(pieces, Cause.APPROACH, everything, first, last)
+
+
+def _moves(pieces: HandPieces, cause: Cause, members: Index, T_0: Array, T_1: Array) -> Phase:
+    """A phase of moves (B, K) that are all made, without a bow."""
+    made, zero = np.ones(T_0.shape[:2], dtype=bool), np.zeros(len(T_0))
+    return Phase(cause, members, T_0, T_1, made, zero, _balls(pieces)[0][members])
+
+
+def phase_distance(
     pieces: HandPieces,
-    phase: _Phase,
+    phase: Phase,
     rows: Index,
     body: SupportPlane | Obstacle,
     margin: float,
@@ -225,7 +235,7 @@ def _phase_distance(
     return np.asarray(nearest - phase.bow[rows])
 
 
-def _lower_bound(pieces: HandPieces, phase: _Phase, rows: Index, body: Obstacle) -> Array:
+def _lower_bound(pieces: HandPieces, phase: Phase, rows: Index, body: Obstacle) -> Array:
     """Lower bounds (len(rows), K) of distances: from the balls about the pieces and the body."""
     points = body.corners if isinstance(body, BoxObstacle) else body.mesh.bounds
     middle, radius = points.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -262,9 +272,7 @@ def lowest(pieces: HandPieces, piece: Index, T: Array, plane: SupportPlane) -> A
     return height
 
 
-def _swallowed(
-    pieces: HandPieces, phase: _Phase, T: Array, body: MeshObstacle
-) -> NDArray[np.bool_]:
+def _swallowed(pieces: HandPieces, phase: Phase, T: Array, body: MeshObstacle) -> NDArray[np.bool_]:
     """Whether pieces lie wholly inside a closed mesh, where they are far from its surface."""
     points = pieces.vertices[pieces.start[phase.piece[0]]]
     # one point a hand does: the hand is of one piece, and its surface's crossing shows as 0

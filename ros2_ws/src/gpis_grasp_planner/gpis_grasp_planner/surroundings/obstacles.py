@@ -51,8 +51,8 @@ class SupportPlane:
     name: str = "support"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", _vector(self.point, f"point of '{self.name}'"))
-        normal = _vector(self.normal, f"normal of '{self.name}'")
+        object.__setattr__(self, "point", read_vector(self.point, f"point of '{self.name}'"))
+        normal = read_vector(self.normal, f"normal of '{self.name}'")
         length = float(np.linalg.norm(normal))
         if length < 1e-9:
             raise _invalid(
@@ -77,7 +77,7 @@ class BoxObstacle:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", _pose(self.pose, self.name))
-        size = _vector(self.size, f"size of '{self.name}'")
+        size = read_vector(self.size, f"size of '{self.name}'")
         if size.min() < 0.0:
             raise _invalid(f"The size of '{self.name}' is {size} m; edge lengths are not negative.")
         object.__setattr__(self, "size", size)
@@ -242,13 +242,13 @@ def read_pose(entry: Mapping[str, Any], what: str) -> Array:
     RequestError
         INVALID_SCENE, naming `what`.
     """
-    quat = _vector(entry.get("quat_xyzw", (0.0, 0.0, 0.0, 1.0)), f"quaternion of {what}", 4)
+    quat = read_vector(entry.get("quat_xyzw", (0.0, 0.0, 0.0, 1.0)), f"quaternion of {what}", 4)
     norm = float(np.linalg.norm(quat))
     if abs(norm - 1.0) > 1e-3:
         raise _invalid(
             f"The quaternion of {what} has norm {norm:.4f}; it must be 1 (order x, y, z, w)."
         )
-    position = _vector(entry.get("position", np.zeros(3)), f"position of {what}")
+    position = read_vector(entry.get("position", np.zeros(3)), f"position of {what}")
     return from_position_quat_xyzw(position, quat / norm)
 
 
@@ -263,7 +263,14 @@ def check_keys(data: Any, known: set[str], what: str) -> None:
         )
 
 
-def _vector(value: Any, what: str, n: int = 3) -> Array:
+def read_vector(value: Any, what: str, n: int = 3) -> Array:
+    """Vector (n,) of finite figures up to 100 m.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SCENE, naming `what`.
+    """
     try:
         vector = np.array(value, dtype=float)
     except (TypeError, ValueError):

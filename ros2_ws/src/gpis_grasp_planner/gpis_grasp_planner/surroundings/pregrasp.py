@@ -18,10 +18,10 @@ from gpis_grasp_planner.geometry.gjk import polytope_distance
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.hand_motion import HandPieces, shifted
 from gpis_grasp_planner.hand.description import Finger, HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, reachable
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.surroundings.hand_motion import HandPieces, shifted
 from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh
 
 Array = NDArray[np.float64]

@@ -68,7 +68,11 @@ class OrderHandler:
                 known = None  # of the file's former version
         planner = self._planner_for(order.settings)
         answer = planner.answer(part, order.request, place, known=known, monitor=monitor)
-        return self._plan(part, answer.result, monitor)
+        record = b""
+        if answer.result.code == ErrorCode.SUCCESS:
+            record = zlib.compress(pickle.dumps(answer.result), _COMPRESSION)
+            self._keep(record, part, answer.result)
+        return replace(_plan_of(answer.result, monitor), record=record)
 
     def place(
         self,
@@ -90,27 +94,8 @@ class OrderHandler:
             place = _place(order.place, load)
         planner = self._planner_for(order.settings)
         known = planner.known_answer(part, result, order.request, place, monitor)
-        plan = self._plan(part, known.answer.result, monitor)
+        plan = _plan_of(known.answer.result, monitor)
         return replace(plan, enough=known.satisfies(order.request))
-
-    def _plan(self, part: Part, result: PlanResult, monitor: Monitor) -> Plan:
-        record = b""
-        if result.code == ErrorCode.SUCCESS:
-            record = zlib.compress(pickle.dumps(result), _COMPRESSION)
-            self._keep(record, part, result)
-        return Plan(
-            code=result.code,
-            message=result.message,
-            mesh_id=result.mesh_id,
-            mesh_hash=result.mesh_hash,
-            grasps=result.grasps,
-            best_attempt=result.best_attempt,
-            notes=result.notes,
-            evaluations=result.evaluations,
-            elapsed_s=monitor.elapsed_s,
-            record=record,
-            place=result.place,
-        )
 
     def _planner_for(self, settings: Mapping[str, Mapping[str, Any]]) -> GraspPlanner:
         groups = {name: values for name, values in settings.items() if name != "catalogue"}
@@ -189,3 +174,18 @@ def _place(data: Mapping[str, Any], load: Callable[[str], Part]) -> Place:
 
 def _key(record: bytes) -> bytes:
     return hashlib.sha256(record).digest()
+
+
+def _plan_of(result: PlanResult, monitor: Monitor) -> Plan:
+    return Plan(
+        code=result.code,
+        message=result.message,
+        mesh_id=result.mesh_id,
+        mesh_hash=result.mesh_hash,
+        grasps=result.grasps,
+        best_attempt=result.best_attempt,
+        notes=result.notes,
+        evaluations=result.evaluations,
+        elapsed_s=monitor.elapsed_s,
+        place=result.place,
+    )

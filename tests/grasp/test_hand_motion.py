@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.hand_motion import hand_motions
 from gpis_grasp_planner.hand.drive import joints_from_motors
-from gpis_grasp_planner.surroundings.hand_motion import hand_motions
 
 
 def closings(hand, start, inner, motor, rng):
