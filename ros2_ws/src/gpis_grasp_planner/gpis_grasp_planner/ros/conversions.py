@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from gpis_grasp_msgs.action import PlanGrasp
 from gpis_grasp_msgs.msg import Contact as ContactMessage
 from gpis_grasp_msgs.msg import Grasp as GraspMessage
 from gpis_grasp_msgs.msg import GraspVerification
@@ -21,6 +22,7 @@ from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import Trials
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
 
@@ -111,4 +113,21 @@ def grasp_message(
                 grasp.contacts.links, positions, normals, grasp.contacts.friction, strict=True
             )
         ],
+    )
+
+
+def feedback_message(call: Call) -> PlanGrasp.Feedback:
+    """How far the work for a goal is."""
+    progress = call.progress
+    if progress is None:
+        return PlanGrasp.Feedback(phase="waiting", elapsed=call.elapsed_s, best_epsilon=-1.0)
+    return PlanGrasp.Feedback(
+        phase=str(progress.phase),
+        share_done=progress.share_done,
+        elapsed=call.elapsed_s,
+        evaluations=progress.evaluations,
+        best_epsilon=float(progress.best_epsilon),
+        n_candidates=progress.n_candidates,
+        n_tried=progress.n_tried,
+        n_held=progress.n_held,
     )

@@ -11,7 +11,7 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN, CatalogueSettings, MeshCatalogue
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.call import Call
-from gpis_grasp_planner.ros.mesh_source import fingerprint
+from gpis_grasp_planner.ros.mesh_source import check_directories, fingerprint
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.work_queue import Lane, WorkQueue
@@ -67,9 +67,10 @@ class PlanSource:
         Raises
         ------
         RequestError
-            INVALID_MESH_ID or UNKNOWN_MESH.
+            INVALID_MESH_ID or UNKNOWN_MESH; INVALID_SETTING where a directory is gone.
         """
         if ID_PATTERN.fullmatch(mesh_id) is None or self._fingerprint(mesh_id) is None:
+            check_directories(self._directories)
             MeshCatalogue(self._directories, self._catalogue_settings()).load(mesh_id)
 
     def plan(

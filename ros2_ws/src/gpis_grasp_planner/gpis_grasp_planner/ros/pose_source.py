@@ -16,7 +16,8 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import PartPoses
-from gpis_grasp_planner.errors import ErrorCode, PoseError
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
+from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
 from gpis_grasp_planner.ros.request_guard import ObjectPose, RawPose, check_pose
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
@@ -30,8 +31,11 @@ ESTIMATE_QOS = QoSProfile(
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
-# Of part_poses: a stray publisher must not fill the memory.
+# Of part_poses: a stray publisher must not fill the memory; the oldest go first.
 MAX_PARTS = 1000
+# An estimate that nobody can use any more is forgotten after so many times the allowed age.
+FORGET_AFTER_AGES = 10.0
+FORGET_AFTER_S = 60.0
 # A broken estimator at 100 Hz shall not fill the log.
 WARNING_PERIOD_S = 5.0
 
@@ -117,10 +121,13 @@ class PoseSource:
             self._warn(note)
         return pose
 
-    def count(self) -> int:
-        """Number of parts with an estimate; the one without a name counts as one."""
+    def names(self) -> str:
+        """Which parts have an estimate, for people; at most twenty by name."""
         with self._lock:
-            return len(self._by_part) + (self._untagged is not None)
+            parts = list(self._by_part)
+            untagged = self._untagged is not None
+        shown = [*sorted(parts)[:20], *(["..."] if len(parts) > 20 else [])]
+        return ", ".join([*([f"({OBJECT_POSE_TOPIC})"] if untagged else []), *shown]) or "none"
 
     def _on_pose(self, message: PoseStamped) -> None:
         raw = self._raw(f"the estimate on {OBJECT_POSE_TOPIC}", message.header, message.pose)
@@ -146,17 +153,30 @@ class PoseSource:
             self._take(part.mesh_id, raw)
 
     def _take(self, mesh_id: str | None, raw: RawPose) -> None:
+        if mesh_id is not None and ID_PATTERN.fullmatch(mesh_id) is None:
+            self._warn(f"{raw.source}: no catalogue can hold that mesh ID; ignored.")
+            return
         with self._lock:
             if mesh_id is None:
                 self._untagged = raw
-            elif mesh_id in self._by_part or len(self._by_part) < MAX_PARTS:
-                self._by_part[mesh_id] = raw
             else:
-                self._warn(f"More than {MAX_PARTS} parts on {PART_POSES_TOPIC}; ignoring new ones.")
+                self._by_part.pop(mesh_id, None)
+                self._by_part[mesh_id] = raw  # at the end: the dictionary is in order of arrival
+            self._forget_old(raw.arrival_steady_s)
         try:
             self.checked(raw)
-        except PoseError as error:
+        except GraspPlannerError as error:
             self._warn(error.message)
+        except Exception as error:
+            # An estimate that a check did not foresee must not leave this callback.
+            self._warn(f"{raw.source} could not be checked: {error!r:.200}")
+
+    def _forget_old(self, now_s: float) -> None:
+        keep_s = max(FORGET_AFTER_S, FORGET_AFTER_AGES * self._settings().max_pose_age_s)
+        for mesh_id, raw in list(self._by_part.items()):
+            if len(self._by_part) <= MAX_PARTS and now_s - raw.arrival_steady_s <= keep_s:
+                break
+            del self._by_part[mesh_id]
 
     def _raw(
         self,

@@ -7,7 +7,6 @@ arrival) or neither too old nor in the future; covariance finite, symmetric, not
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.plan.request import TIME_BUDGET_RANGE_S, PlanRequest
 from gpis_grasp_planner.ros.settings import PLANNER_NAMES, NodeSettings
-from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.surroundings.covariance import check_covariance
 
 Array = NDArray[np.float64]
@@ -25,7 +24,6 @@ Array = NDArray[np.float64]
 QUATERNION_TOLERANCE = 1e-3
 POSITION_LIMIT_M = 1e6
 NANOSECONDS = 1_000_000_000
-FRAME_PATTERN = re.compile(r"[A-Za-z0-9_~/][A-Za-z0-9_./~:-]{0,254}", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)

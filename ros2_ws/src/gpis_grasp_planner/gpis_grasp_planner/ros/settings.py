@@ -17,7 +17,8 @@ from gpis_grasp_planner.plan.request import (
     TIME_BUDGET_RANGE_S,
     check_friction,
 )
-from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.scene_defaults import near_origin, obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.settings import SettingsGroup, setting
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN
@@ -116,6 +117,37 @@ class NodeSettings(SettingsGroup):
         description="Time beyond its budget after which a plan is given up and its process "
         "restarted; it covers reading the mesh and the preparation.",
     )
+    mesh_read_limit_s: float = setting(
+        60.0,
+        low=1.0,
+        high=3600.0,
+        description="Time after which reading one mesh file is given up.",
+    )
+    mesh_preparation_limit_s: float = setting(
+        120.0,
+        low=5.0,
+        high=3600.0,
+        description="Time after which the planning process is restarted while it reads and "
+        "prepares a mesh; that goes on, and is kept, where its request was answered "
+        "DEADLINE_EXCEEDED.",
+    )
+    retries_of_lost_orders: int = setting(
+        1,
+        low=0,
+        high=1,
+        description="How often a request whose planning process died is given to the next one.",
+    )
+    worker_memory_limit_mb: float = setting(
+        2000.0,
+        low=500.0,
+        high=1_000_000.0,
+        description="A planning process that has more memory than this for itself is replaced "
+        "between two plans.",
+    )
+    preempt_goals: bool = setting(
+        False,
+        description="Whether a new goal of the action ends those accepted before it.",
+    )
     plan_cache_size: int = setting(
         64, low=0, high=10_000, description="Plans kept in memory; the oldest go first."
     )
@@ -168,7 +200,16 @@ class NodeSettings(SettingsGroup):
     def _check_scene(self) -> None:
         support_pose_of(self.support_pose)
         listed = obstacles_of(self.obstacles)
-        Surroundings.from_mapping({"obstacles": listed}, lambda _mesh_id: STAND_IN)
+        Surroundings.from_mapping(
+            {"obstacles": [near_origin(entry) for entry in listed]}, lambda _mesh_id: STAND_IN
+        )
+        for name in ("support_frame", "obstacles_frame"):
+            frame = getattr(self, name)
+            if frame and FRAME_PATTERN.fullmatch(frame) is None:
+                raise RequestError(
+                    f"Setting '{name}' is '{printable(frame, 60)}'; a frame has 1 to 255 letters, "
+                    "digits or '_./~:-'. Give the frame's name as poses have it."
+                )
         if listed and not self.obstacles_frame:
             raise RequestError(
                 f"Setting 'obstacles' names {len(listed)}, and 'obstacles_frame' is empty. Set it "

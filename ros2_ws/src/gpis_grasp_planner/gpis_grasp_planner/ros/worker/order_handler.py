@@ -142,7 +142,7 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
         return WorkerError(error.code, error.message)
     except MemoryError:
         return WorkerError(
-            ErrorCode.INTERNAL,
+            ErrorCode.OUT_OF_MEMORY,
             "The planning process ran out of memory. Use a mesh with fewer faces, or a "
             "machine with more memory.",
         )
@@ -150,8 +150,8 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
         traceback.print_exc()
         return WorkerError(
             ErrorCode.INTERNAL,
-            f"The planner failed unexpectedly ({type(error).__name__}: {error}). The "
-            "traceback is in the node's output; please report it.",
+            f"The planner failed unexpectedly ({type(error).__name__}). The traceback is in the "
+            "node's output; please report it.",
         )
 
 

@@ -19,7 +19,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, MeshError, P
 from gpis_grasp_planner.forked_child import ForkedChild
 from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.ros.mesh_source import fingerprint
+from gpis_grasp_planner.ros.mesh_source import check_directories, fingerprint
 
 _KEPT_PARTS = 4
 READ_LIMIT_S = 60.0
@@ -118,6 +118,7 @@ def _outcome(
     directories: Sequence[Path], settings: CatalogueSettings, mesh_id: str
 ) -> Part | Exception:
     try:
+        check_directories(directories)
         return MeshCatalogue(directories, settings).load(mesh_id)
     except GraspPlannerError as error:
         return error

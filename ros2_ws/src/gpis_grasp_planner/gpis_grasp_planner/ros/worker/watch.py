@@ -158,7 +158,8 @@ class PlanningProcess:
                 if prepares or lane is Lane.KNOWN:
                     patience_s = limits.preparation_s if prepares else limits.grace_s
                     self._leave(lane, link, replies, sent + patience_s)
-                    raise _not_prepared(order, limits) if prepares else _late(order, limits)
+                    fault = _not_prepared if prepares else _late
+                    raise fault(order, limits) from None
                 self._supervisor.give_up(link)
                 raise _late(order, limits) from None
             except (EOFError, OSError) as error:
@@ -235,6 +236,7 @@ class PlanningProcess:
                     raise fault from None
             else:
                 return link
+
 
 def _late(order: PlanOrder | PlaceOrder, limits: WorkLimits) -> PlanningError:
     return PlanningError(
