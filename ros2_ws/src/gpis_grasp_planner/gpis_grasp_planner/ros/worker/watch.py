@@ -27,8 +27,8 @@ from gpis_grasp_planner.ros.worker.supervisor import START_LIMIT_S, WorkerSuperv
 ACCEPT_LIMIT_S = 5.0
 # It says every second that it is there; after this time it is stopped, or starved.
 SILENCE_LIMIT_S = 5.0
-# After a cancel: what is finished within 0.2 s is answered, else nothing.
-CANCEL_WAIT_S = 0.25
+# After a cancel: what is finished within this time is answered, else nothing.
+CANCEL_WAIT_S = 0.2
 _LOOK_S = 0.5
 PREPARATION = (Phase.READING, Phase.PREPARING)
 
@@ -97,6 +97,7 @@ class PlanningProcess:
             try:
                 return self._attempt(order, lane, call, deadline, limits)
             except _Lost as lost:
+                call.check_wanted()
                 if not retries_left or lost.fault.code != ErrorCode.PLANNING_PROCESS_LOST:
                     raise lost.fault from None
                 self._supervisor.on_event("Its order is given to the next process.")
