@@ -73,6 +73,9 @@ dependencies() {
             "${anew_uv[@]}" --build-constraints requirements/requirements.lock \
             -r requirements/requirements.lock
     )
+    # uv leaves this to the first import, and where PYTHONDONTWRITEBYTECODE is set to every one: a
+    # plan's imports would take three times as long. Templates that are no Python are passed over.
+    "$venv/bin/python" -m compileall -qq -j 0 "$venv/lib/python3.11/site-packages" || true
     rm "$begun"
 }
 
@@ -93,6 +96,7 @@ console_scripts() {
 }
 
 warm_up() {
+    "$venv/bin/python" -m compileall -qq "$planner/gpis_grasp_planner"
     "$venv/bin/python" -m gpis_grasp_planner.plan.warm_up
 }
 
@@ -101,8 +105,9 @@ stage dependencies "$(key requirements/*.lock)" dependencies
 stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource} \
     "$planner"/gpis_grasp_planner/hand/models)" workspace
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
-# Numba keeps compiled functions in a folder for this very state of the sources.
-if [ -f "$planner/gpis_grasp_planner/plan/warm_up.py" ]; then
-    stage warm_up "$(find "$planner" -name '*.py' -exec grep -li numba {} + | xargs sha256sum | sha256sum)" \
-        warm_up
-fi
+# Compiled functions are kept in a folder for this very state of the sources.
+compiled_sources() {
+    PYTHONPATH=$planner "$venv/bin/python" -c \
+        'from gpis_grasp_planner.compiled_cache import sources_hash; print(sources_hash())'
+}
+stage warm_up "$(compiled_sources)" warm_up

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.optimise.domain import BoxDomain
+from gpis_grasp_planner.optimise.domain import BoxDomain, latin_hypercube
 
 
 @pytest.fixture
@@ -15,6 +16,13 @@ def test_samples_are_a_latin_hypercube(domain):
     cells = np.floor(64 * (X - domain.lower) / domain.width).astype(int)
     for column in cells.T:
         np.testing.assert_array_equal(np.sort(column), range(64))
+
+
+@pytest.mark.parametrize(("n", "dim"), [(1, 1), (7, 3), (400, 4)])
+def test_the_hypercube_is_that_of_scipy(n, dim, seed):
+    got = latin_hypercube(n, dim, np.random.default_rng(seed))
+    want = qmc.LatinHypercube(dim, rng=np.random.default_rng(seed)).random(n)
+    np.testing.assert_array_equal(got, want)
 
 
 def test_clipping_wraps_angles_and_cuts_the_rest(domain):

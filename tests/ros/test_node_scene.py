@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import signal
 from collections.abc import Callable
 from functools import partial
@@ -96,17 +95,21 @@ def standing(tools: Any) -> dict[str, Any]:
 def test_no_grasp_of_a_mug_on_a_table_comes_through_the_table(
     ask: Ask, planned: PlanGrasp.Response, tools: Any, standing: dict[str, Any]
 ) -> None:
+    first = ask("mug", **standing)  # a plan in free space is none for a table
+    assert first.success, first.message
+    assert not first.from_cache
     response = ask("mug", **standing)
     assert response.success, response.message
     assert response.from_cache
-    for grasp in response.grasps:
+    for grasp in (*first.grasps, *response.grasps):
         for points in way(grasp, tools):
             assert points[:, 2].min() >= TABLE_M + MARGIN_M - 1e-6
         lift = grasp.lift_direction
         assert lift.header == grasp.palm_pose.header
         assert (lift.vector.x, lift.vector.y, lift.vector.z) == pytest.approx((0, 0, 1), abs=1e-9)
-    # the test can fail: some grasps of the plan in free space do come through
-    assert re.search(r"clear of the surroundings, .*Blocked here: .*[1-9]", response.message)
+    # the test can fail: a grasp of the plan in free space does come through
+    low = min(points[:, 2].min() for grasp in planned.grasps for points in way(grasp, tools))
+    assert low < MUG.bounds[0][2]
 
 
 def test_without_a_support_the_lift_goes_back_along_the_approach(
@@ -253,7 +256,8 @@ def test_an_uncertain_pose_gives_hold_probabilities_in_order(
     table = tools.pose("shelf", (0.0, 0.0, MUG.bounds[0][2]))
     response = answer("shelf", noise, support_plane=table)
     assert response.success, response.message
-    held = [g.hold_probability for g in response.grasps]
+    held = [g.hold_probability for g in response.grasps if g.hold_probability >= 0.0]
+    assert held  # as many as the time allowed
     assert held == sorted(held, reverse=True)
     assert all(0.0 <= p <= 1.0 for p in held)
     for grasp in response.grasps:
@@ -277,6 +281,7 @@ def test_an_uncertain_pose_gives_hold_probabilities_in_order(
 def test_a_kept_plan_is_placed_while_another_is_made(
     client: Any, ask: Ask, planned: PlanGrasp.Response, tools: Any, standing: dict[str, Any]
 ) -> None:
+    assert ask("mug", **standing).success
     running = client.call_async(tools.request("sphere", time_budget=8.0, seed=41))
     response = ask("mug", **standing)
     assert response.success, response.message

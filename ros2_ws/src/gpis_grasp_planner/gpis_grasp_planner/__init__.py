@@ -5,7 +5,6 @@ The core (everything but ``ros``) imports without ROS. Start reading at ``planne
 
 from pathlib import Path
 
-from gpis_grasp_planner.compiled_cache import select_cache
 from gpis_grasp_planner.thread_limits import limit_threads
 
 __version__ = "0.1.0"
@@ -14,5 +13,4 @@ __version__ = "0.1.0"
 # two paths to each, and would compile everything twice.
 __path__ = [str(Path(__file__).resolve().parent)]
 
-select_cache()
 limit_threads()

@@ -1,54 +1,67 @@
-"""Where numba keeps compiled functions: one folder per state of the package's compiled sources.
+"""Where compiled functions are kept: one folder per state of the package's compiled sources.
 
-Numba's on-disk cache looks only at the file of a function, not at the files of the functions it
-calls: after an edit or an upgrade of a callee it would go on running the caller with the old callee
-inlined. A folder named by a hash over all sources that compile anything cannot be stale.
+A compiled function has the functions that it calls inside: after an edit or an upgrade of a callee,
+code kept by the file of the caller alone would be stale. A folder named by a hash over all sources
+that compile anything cannot be.
 
-`select_cache` must run before numba is imported; the package does it on import.
+Folders are looked through in this order: beside the package, then in the user's cache; or
+``NUMBA_CACHE_DIR`` alone where that is set. One that can only be read (an installation by another
+user, a container's image) is read all the same; what is missing goes into the next that can be
+written, and nowhere where there is none.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import shutil
 from pathlib import Path
 
-_PREFIX = "numba-"
+_PREFIX = "compiled-"
+_MARK = b"gpis_grasp_planner.compiled import"
 
 
-def select_cache() -> None:
-    """Point numba to this package's cache, unless NUMBA_CACHE_DIR says otherwise. Some 5 ms."""
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(_root() / (_PREFIX + sources_hash())))
-
-
+@functools.cache
 def sources_hash() -> str:
-    """Hash over the contents of all modules that use numba."""
+    """Hash over the contents of all modules that compile anything, and of what compiles them."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    here = Path(__file__).parent
+    for path in sorted(here.rglob("*.py")):
         source = path.read_bytes()
-        if b"from numba import" in source or b"import numba" in source:
+        if _MARK in source or path == here / "compiled.py":
             digest.update(path.name.encode())
             digest.update(source)
     return digest.hexdigest()[:16]
 
 
+def folders() -> tuple[Path, ...]:
+    """Folders that may hold compiled functions, in the order in which they are read and written."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return (Path(chosen) / (_PREFIX + sources_hash()),)
+    return tuple(root / (_PREFIX + sources_hash()) for root in _roots())
+
+
 def remove_stale_caches() -> None:
     """Remove the folders of earlier states."""
     current = _PREFIX + sources_hash()
-    for folder in _root().glob(_PREFIX + "*"):
-        if folder.name != current:
-            shutil.rmtree(folder, ignore_errors=True)
+    for root in _roots():
+        for prefix in (_PREFIX, "numba-"):
+            for folder in root.glob(prefix + "*"):
+                if folder.name != current:
+                    shutil.rmtree(folder, ignore_errors=True)
 
 
-def _root() -> Path:
-    """Beside the package where that can be written, else in the user's cache."""
-    beside = Path(__file__).parent / "__pycache__"
+def user_cache() -> Path | None:
+    """Folder of this project in the user's cache; None for a user without a home."""
+    base = os.environ.get("XDG_CACHE_HOME")
     try:
-        beside.mkdir(exist_ok=True)
-        if os.access(beside, os.W_OK):
-            return beside
-    except OSError:
-        pass
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "gpis_grasp_planner"
+        return (Path(base) if base else Path.home() / ".cache") / "gpis_grasp_planner"
+    except RuntimeError:
+        return None
+
+
+def _roots() -> list[Path]:
+    own = user_cache()
+    return [Path(__file__).parent / "__pycache__", *([] if own is None else [own])]

@@ -7,12 +7,15 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import options, success_study
+from gpis_grasp_planner.cli import options, success_study, tables
 from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gpis_grasp_planner.benchmark.runs import Run
     from gpis_grasp_planner.benchmark.store import RunStore
+    from gpis_grasp_planner.benchmark.tables import Summary
     from gpis_grasp_planner.geometry.part import Part
 
 QUALITY = "quality"
@@ -141,7 +144,6 @@ def _write(
     from gpis_grasp_planner.benchmark.illustrations import illustrate
     from gpis_grasp_planner.benchmark.report import report
     from gpis_grasp_planner.benchmark.tables import summarise
-    from gpis_grasp_planner.cli import output
 
     records = store.select(runs)
     if not records:
@@ -151,5 +153,23 @@ def _write(
     command = "gpis-grasp " + shlex.join(arguments.words)
     path = arguments.out / "report.md"
     path.write_text(report(records, command, pictures), encoding="utf-8")
-    output.console().print(output.summary_table(summarise(records)))
-    output.console().print(f"report: {path}")
+    tables.print_table(_summary_columns(summarise(records)))
+    print(f"report: {path}")
+
+
+def _summary_columns(summaries: Sequence[Summary]) -> list[tables.Column]:
+    """One row per object and planner."""
+    columns = [
+        ("object", [s.object_id for s in summaries], 0),
+        ("planner", [s.planner for s in summaries], 0),
+        ("best epsilon", [f"{s.best_epsilon.mean:.4f}" for s in summaries], 3),
+        ("its volume", [f"{s.best_volume.mean:.4f}" for s in summaries], 4),
+        ("mean epsilon", [f"{s.mean_epsilon.mean:.4f}" for s in summaries], 0),
+        ("mean volume", [f"{s.mean_volume.mean:.4f}" for s in summaries], 1),
+        ("grasps", [f"{s.found.mean:.1f}" for s in summaries], 5),
+        ("evaluations/s", [f"{s.evaluations_per_s.mean:.0f}" for s in summaries], 2),
+    ]
+    return [
+        tables.Column(heading, cells, priority, left=heading in ("object", "planner"))
+        for heading, cells, priority in columns
+    ]

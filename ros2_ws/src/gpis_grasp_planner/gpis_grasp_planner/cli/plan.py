@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, write; 3 where there is no grasp."""
-    from gpis_grasp_planner.cli import output
+    from gpis_grasp_planner.cli import output, tables
     from gpis_grasp_planner.plan.document import document_text
     from gpis_grasp_planner.plan.request import PlanRequest
 
@@ -93,14 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             arguments.json.write_text(text, encoding="utf-8")
     if not to_stdout and result.grasps:
-        screen = output.console()
-        screen.print(output.grasp_table(result, result.grasps))
-        screen.print(
-            f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
-            f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm"
-        )
+        _show(result)
         if place:
-            screen.print(result.message)
+            tables.print_text(result.message)
     for text in result.notes:
         output.note(f"note: {text}")
     if arguments.picture is not None:
@@ -109,6 +104,22 @@ def run(arguments: argparse.Namespace) -> int:
         output.note(f"gpis-grasp: {result.code.name}: {result.message}")
         return NO_ANSWER
     return SUCCESS
+
+
+def _show(result: PlanResult) -> None:
+    from gpis_grasp_planner.cli import grasp_table, tables
+    from gpis_grasp_planner.hand.description import load_hand
+
+    verified = result.request.verification != "none"
+    hand = load_hand(result.hand)
+    tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified))
+    print()
+    tables.print_text(grasp_table.order_text(result))
+    tables.print_text(grasp_table.LEGEND)
+    tables.print_text(
+        f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
+        f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm."
+    )
 
 
 def _draw(path: Path, part: Part, result: PlanResult) -> None:

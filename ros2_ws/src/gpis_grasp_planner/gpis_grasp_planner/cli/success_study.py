@@ -168,7 +168,6 @@ def _write(
     from gpis_grasp_planner.benchmark.ranking_report import ranking_report, write_ranking_tables
     from gpis_grasp_planner.benchmark.study_outcomes import write_tables
     from gpis_grasp_planner.benchmark.study_report import study_report
-    from gpis_grasp_planner.cli import output
 
     records = store.select(runs)
     if not records:
@@ -183,4 +182,4 @@ def _write(
         text = study_report(records, objects.refused, command, missing)
     path = arguments.out / "report.md"
     path.write_text(text, encoding="utf-8")
-    output.console().print(f"report: {path}")
+    print(f"report: {path}")

@@ -7,13 +7,11 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import options
+from gpis_grasp_planner.cli import options, tables
 from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.table import Table
 
     from gpis_grasp_planner.grasp.grasp import Grasp
     from gpis_grasp_planner.verification.result import Verification
@@ -76,11 +74,11 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             arguments.json.write_text(text, encoding="utf-8")
     if not to_stdout:
-        screen = output.console()
-        screen.print(_table(grasps, verdicts))
-        screen.print(
+        tables.print_table(_columns(grasps, verdicts))
+        print()
+        tables.print_text(
             f"{held} of {len(grasps)} grasps hold at friction {settings.friction:g} and "
-            f"{settings.mass_kg:g} kg"
+            f"{settings.mass_kg:g} kg; # counts from 0."
         )
     if not held:
         output.note(
@@ -104,22 +102,13 @@ def _settings(arguments: argparse.Namespace) -> VerificationSettings:
     return VerificationSettings.from_mapping({**values, **given})
 
 
-def _table(grasps: Sequence[Grasp], verdicts: Sequence[Verification]) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("#", "epsilon", "held", "slip \\[mm]", "turn \\[deg]", "penetration \\[mm]"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("cause", no_wrap=True)
-    for i, (grasp, verdict) in enumerate(zip(grasps, verdicts, strict=True)):
-        table.add_row(
-            str(i),
-            f"{grasp.epsilon:.4f}",
-            "yes" if verdict.held else "no",
-            f"{verdict.largest_slip_mm:.1f}",
-            f"{verdict.largest_rotation_deg:.1f}",
-            f"{1e3 * verdict.penetration_m:.2f}",
-            verdict.cause,
-        )
-    return table
+def _columns(grasps: Sequence[Grasp], verdicts: Sequence[Verification]) -> list[tables.Column]:
+    return [
+        tables.Column("#", [str(i) for i in range(len(verdicts))]),
+        tables.Column("epsilon", [f"{grasp.epsilon:.4f}" for grasp in grasps], 1),
+        tables.Column("held", ["yes" if verdict.held else "no" for verdict in verdicts]),
+        tables.Column("slip [mm]", [f"{v.largest_slip_mm:.1f}" for v in verdicts], 2),
+        tables.Column("turn [deg]", [f"{v.largest_rotation_deg:.1f}" for v in verdicts], 3),
+        tables.Column("penetration [mm]", [f"{1e3 * v.penetration_m:.2f}" for v in verdicts], 4),
+        tables.Column("cause", [verdict.cause for verdict in verdicts], left=True),
+    ]

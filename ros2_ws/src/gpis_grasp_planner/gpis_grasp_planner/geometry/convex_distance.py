@@ -7,12 +7,12 @@ so far; 5 to 100 us a query on one core, by how closely the triangles lie around
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.gjk import polytope_distance
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def _box_gap(R, t, box_low, box_high, low, high):  # type: ignore[no-untyped-def]
     """Lower bound of the distance between a link's box (in its frame) and a node's box."""
     cx = 0.5 * (low[0] + high[0]) - t[0]
@@ -31,7 +31,7 @@ def _box_gap(R, t, box_low, box_high, low, high):  # type: ignore[no-untyped-def
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _lowest(vertices, nx, ny, nz):  # type: ignore[no-untyped-def]
     low = np.inf
     for i in range(vertices.shape[0]):
@@ -39,7 +39,7 @@ def _lowest(vertices, nx, ny, nz):  # type: ignore[no-untyped-def]
     return low
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
     return max(
         nx * t[0, 0] + ny * t[0, 1] + nz * t[0, 2],
@@ -50,7 +50,7 @@ def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@njit
 def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
     """Distance of a convex polytope from a mesh, or `limit` where it is at least that.
 
@@ -128,7 +128,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit
 def near_pairs(
     vertices, R, t, box_low, box_high, limit, triangles, lower, upper, child, p_self, p_other
 ):  # type: ignore[no-untyped-def]

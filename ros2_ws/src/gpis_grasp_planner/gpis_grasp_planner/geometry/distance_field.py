@@ -16,10 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 
@@ -76,7 +76,7 @@ class DistanceField:
         )
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _splat(triangles, origin, spacing, band, squared, nearest):  # type: ignore[no-untyped-def]
     shape = squared.shape
     lower = np.empty(3, dtype=np.int64)
@@ -101,7 +101,7 @@ def _splat(triangles, origin, spacing, band, squared, nearest):  # type: ignore[
                         nearest[i, j, k] = f
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _fill_far(triangles, origin, spacing, nearest, candidate, squared):  # type: ignore[no-untyped-def]
     p, q = np.empty(3), np.empty(3)
     for i in range(squared.shape[0]):
@@ -131,7 +131,7 @@ def _inside_along(
     return np.asarray(np.transpose(vote, np.argsort(order)))
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _count_crossings(triangles, origin, spacing, counts):  # type: ignore[no-untyped-def]
     """Add 1 to the first grid point above each crossing of a column (along the last axis)."""
     nx, ny, nz = counts.shape
@@ -161,7 +161,7 @@ def _count_crossings(triangles, origin, spacing, counts):  # type: ignore[no-unt
                     counts[i, j, max(k, 0)] += 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def field_value(values, origin, spacing, x, y, z):  # type: ignore[no-untyped-def]
     """Trilinear signed distance at one point; beyond the grid a lower bound, right to two cells."""
     fx = (x - origin[0]) / spacing
@@ -191,7 +191,7 @@ def field_value(values, origin, spacing, x, y, z):  # type: ignore[no-untyped-de
     return inside
 
 
-@njit(cache=True, nogil=True)
+@njit
 def field_values(values, origin, spacing, points):  # type: ignore[no-untyped-def]
     """`field_value` of many points."""
     out = np.empty(points.shape[0])
@@ -200,7 +200,7 @@ def field_values(values, origin, spacing, points):  # type: ignore[no-untyped-de
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit
 def field_gradients(values, origin, spacing, points):  # type: ignore[no-untyped-def]
     """Unit central differences over half a cell; zero where the field is flat."""
     out = np.zeros((points.shape[0], 3))

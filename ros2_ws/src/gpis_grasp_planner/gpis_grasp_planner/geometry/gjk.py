@@ -12,13 +12,14 @@ Some 1 us for a polytope of 60 to 150 vertices and a triangle, on one core.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from gpis_grasp_planner.compiled import njit
 
 _RELATIVE = 1e-10
 _ITERATIONS = 40
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _nearest_in_simplex(s, n, bary):  # type: ignore[no-untyped-def]
     """Barycentric coordinates of the point of simplex s[:n] (n = 1..3) nearest to the origin."""
     for i in range(4):
@@ -80,7 +81,7 @@ def _nearest_in_simplex(s, n, bary):  # type: ignore[no-untyped-def]
     bary[0] = 1.0 - bary[1] - bary[2]
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _nearest_in_tetrahedron(s, bary):  # type: ignore[no-untyped-def]
     """As above for four points; True where the origin is inside the tetrahedron."""
     face = np.empty((3, 3))
@@ -127,7 +128,7 @@ def _nearest_in_tetrahedron(s, bary):  # type: ignore[no-untyped-def]
     return not outside_any
 
 
-@njit(cache=True, nogil=True)
+@njit
 def polytope_distance(vertices, other, limit, direction, p_self, p_other):  # type: ignore[no-untyped-def]
     """Distance of a convex polytope from another one, such as a triangle.
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from gpis_grasp_planner.compiled import njit
 
 
-@njit(cache=True, nogil=True)
+@njit
 def nearest_on_triangle(px, py, pz, a, b, c, out):  # type: ignore[no-untyped-def]
     """Nearest point of the triangle a, b, c (3,) to p, into `out` (3,).
 

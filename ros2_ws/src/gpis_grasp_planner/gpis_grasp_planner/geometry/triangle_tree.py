@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 
@@ -92,7 +92,7 @@ class TriangleTree:
         )
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
     x = max(low[0] - px, max(0.0, px - high[0]))
     y = max(low[1] - py, max(0.0, py - high[1]))
@@ -100,7 +100,7 @@ def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
     return x * x + y * y + z * z
 
 
-@njit(cache=True, nogil=True)
+@njit
 def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # type: ignore[no-untyped-def]
     """Nearest surface point within `limit` into `out`.
 
@@ -140,7 +140,7 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
     return np.sqrt(best), found, found_inside
 
 
-@njit(cache=True, nogil=True)
+@njit
 def nearest_points(points, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
     """`nearest_point` of many points, without a limit."""
     n = points.shape[0]

@@ -13,7 +13,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import qmc
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.optimise.distances import Distance, EuclideanDistance
@@ -57,6 +56,18 @@ class Domain(Protocol):
     def features(self, X: Array) -> Array:
         """Model features (n, p) of points (n, dim)."""
         ...
+
+
+def latin_hypercube(n: int, dim: int, rng: np.random.Generator) -> Array:
+    """Points (n, dim) in the unit cube, each coordinate in another n-th of [0, 1].
+
+    The numbers of ``scipy.stats.qmc.LatinHypercube``, whose import takes half a second.
+    """
+    within = rng.uniform(size=(n, dim))
+    strata = np.tile(np.arange(1, n + 1), (dim, 1))
+    for row in strata:
+        rng.shuffle(row)
+    return np.asarray((strata.T - within) / n)
 
 
 class BoxDomain:
@@ -108,8 +119,7 @@ class BoxDomain:
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Latin hypercube of n points (n, dim)."""
-        unit = qmc.LatinHypercube(self.dim, rng=rng).random(n)
-        return self.lower + self.width * unit
+        return self.lower + self.width * latin_hypercube(n, self.dim, rng)
 
     def clip(self, X: Array) -> Array:
         """Wrap periodic coordinates, cut the others at the bounds."""

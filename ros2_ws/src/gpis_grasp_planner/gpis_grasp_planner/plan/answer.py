@@ -13,6 +13,9 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
 
+# Of the attempts: with more of them blocked, the surroundings are why there is no grasp.
+_MOSTLY = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:
@@ -67,7 +70,11 @@ def found_text(
 
 
 def nothing_found(
-    part: Part, attempts: int, blocked: Mapping[str, int], n_disagreed: int
+    part: Part,
+    attempts: int,
+    blocked: Mapping[str, int],
+    screened: Mapping[str, int],
+    n_disagreed: int,
 ) -> tuple[ErrorCode, str]:
     """Code and message where a search ended without a grasp.
 
@@ -76,15 +83,24 @@ def nothing_found(
     part : Part
     attempts : int
     blocked : mapping of cause to int
+        Grasps with force closure that a constraint forbade.
+    screened : mapping of name to int
+        Hands that a constraint did not let close.
     n_disagreed : int
         Grasps that PyBullet's scene did not agree with.
     """
-    if blocked:
+    if blocked or sum(screened.values()) > _MOSTLY * attempts:
+        what = []
+        if screened:
+            names = ", ".join(f"'{name}' {n}" for name, n in screened.items())
+            what.append(f"{sum(screened.values())} hands were blocked before they closed ({names})")
+        if blocked:
+            n = sum(blocked.values())
+            what.append(f"{n} grasps with force closure after it ({causes_text(blocked)})")
         return (
             ErrorCode.ALL_GRASPS_BLOCKED,
             f"No grasp of '{part.mesh_id}' is clear of its surroundings here: in {attempts} "
-            f"attempts {sum(blocked.values())} with force closure were blocked "
-            f"({causes_text(blocked)}). Move the part or the obstacle, give more time, or a "
+            f"attempts {' and '.join(what)}. Move the part or the obstacle, give more time, or a "
             "smaller clearance.margin_m.",
         )
     if n_disagreed:

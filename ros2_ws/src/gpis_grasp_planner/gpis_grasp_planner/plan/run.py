@@ -142,6 +142,12 @@ class PlanRun:
         return evaluator.blocked if isinstance(evaluator, ConstrainedEvaluator) else {}
 
     @property
+    def screened(self) -> Mapping[str, int]:
+        """Hands that a constraint did not let close, by its name."""
+        evaluator = self._evaluator
+        return evaluator.screened if isinstance(evaluator, ConstrainedEvaluator) else {}
+
+    @property
     def _n_wanted(self) -> int:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
@@ -294,7 +300,9 @@ class PlanRun:
             )
         if not grasps:
             disagreed = finisher.n_seen - finisher.n_confirmed
-            code, text = nothing_found(part, self._evaluator.n_attempts, self.blocked, disagreed)
+            code, text = nothing_found(
+                part, self._evaluator.n_attempts, self.blocked, self.screened, disagreed
+            )
             return code, text, miss
         require = self.request.verification == "require"
         if selection is not None and not selection.held and (selection.n_tried or require):

@@ -21,8 +21,9 @@ simpler in six dimensions and needs no facets of its own.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gpis_grasp_planner.compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ def start_directions(n: int, seed: int = 0) -> Array:
     return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _run_to_vertex(W, u, v, active, A_inv):  # type: ignore[no-untyped-def]
     """From v = 0 along u into a vertex of the polar; False where it is unbounded.
 
@@ -120,7 +121,7 @@ def _run_to_vertex(W, u, v, active, A_inv):  # type: ignore[no-untyped-def]
     return 0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _climb(W, v, active, A_inv):  # type: ignore[no-untyped-def]
     """Pivot to adjacent vertices of the polar while |v| grows; the largest |v|, or inf."""
     n = W.shape[0]
@@ -198,7 +199,7 @@ def _climb(W, v, active, A_inv):  # type: ignore[no-untyped-def]
     return current
 
 
-@njit(cache=True, nogil=True)
+@njit
 def fast_epsilon(W, directions, n_starts):  # type: ignore[no-untyped-def]
     """Epsilon of conv(W): an upper bound, nearly always exact; -1 without force closure.
 

@@ -11,8 +11,9 @@ grasps (up to seven times too large; now two times).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gpis_grasp_planner.compiled import njit
 
 _FRAMES = 4
 # Fitted to the exact volumes of 786 planned grasps of nine objects: log volume = log c
@@ -32,7 +33,7 @@ def _directions() -> NDArray[np.float64]:
 _DIRECTIONS = _directions()
 
 
-@njit(cache=True, nogil=True)
+@njit
 def volume_estimate(W, k):  # type: ignore[no-untyped-def]
     """Estimate of the volume of the hull of wrenches W (n, 6) of k contacts; 0 if they are flat.
 
@@ -64,7 +65,7 @@ def volume_estimate(W, k):  # type: ignore[no-untyped-def]
     return _FACTOR * ellipsoid * k**_PER_CONTACT * np.exp(_PER_SUPPORT * 6.0 * mean)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _ellipsoid(W, L):  # type: ignore[no-untyped-def]
     """Cholesky's L of the wrenches' mean outer product; its determinant, or 0 if they are flat."""
     n = W.shape[0]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.scene.palm import hand_gap
 from gpis_grasp_planner.scene.posture import exact_gap, place_hand
 
 _STEPS = 60
 
 
-@njit(cache=True, nogil=True)
+@njit
 def approach_many(hand, obj, T, joints, reach, gap, threshold, palm_touches):  # type: ignore[no-untyped-def]
     """Advance free hands along the palm's z axis, in place in T, by at most `reach` [m].
 

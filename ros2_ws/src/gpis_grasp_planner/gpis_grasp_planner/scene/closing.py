@@ -15,8 +15,8 @@ contact, nearer to its threshold.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.scene.posture import (
     coarse_step,
     exact_gap,
@@ -36,13 +36,13 @@ _WATCHED_STEP = 0.08
 _UNWATCHED = 0.08
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _place_finger(hand, finger, inner, distal, R, t):  # type: ignore[no-untyped-def]
     place_link(hand, hand.inner_link[finger], inner, R, t)
     place_link(hand, hand.distal_link[finger], distal, R, t)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _step(d, before, moved, gap, speed):  # type: ignore[no-untyped-def]
     """Next motor step [rad] towards a gap: surely safe, or by the slope of the last two gaps.
 
@@ -55,13 +55,13 @@ def _step(d, before, moved, gap, speed):  # type: ignore[no-untyped-def]
     return min(step, 0.05)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _back(free, angle):  # type: ignore[no-untyped-def]
     """Where to try after an overlap: halfway to the last free angle, 0.03 rad at most."""
     return max(0.5 * (free + angle), angle - 0.03)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Close with the coupling from `start` until a link touches.
 
@@ -130,7 +130,7 @@ def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no
     return free, (1 if d_inner < d_distal else 2)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _advance_distal(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Close the distal link alone; returns (distal angle, whether it touched)."""
     link = hand.distal_link[finger]
@@ -175,7 +175,7 @@ def _advance_distal(hand, obj, finger, start, gap, R, t, work):  # type: ignore[
     return free, exact_gap(hand, obj, link, R, t, _NEAR, work) < 4.0 * gap
 
 
-@njit(cache=True, nogil=True)
+@njit
 def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-untyped-def]
     """Close all fingers from `joints` (spread set, fingers open); `joints`, R and t follow.
 

@@ -10,14 +10,15 @@ never built.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from gpis_grasp_planner.compiled import njit
 
 _FACETS = 512
 _ROUNDS = 200
 _TOLERANCE = 1e-9
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _set_facet(P, facets, normals, offsets, row, a, b, c):  # type: ignore[no-untyped-def]
     """Facet through points a, b, c, counter-clockwise from outside; False if it has no area."""
     ux, uy, uz = P[b, 0] - P[a, 0], P[b, 1] - P[a, 1], P[b, 2] - P[a, 2]
@@ -36,7 +37,7 @@ def _set_facet(P, facets, normals, offsets, row, a, b, c):  # type: ignore[no-un
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _farthest(P, n, x, y, z):  # type: ignore[no-untyped-def]
     best = -np.inf
     index = 0
@@ -48,7 +49,7 @@ def _farthest(P, n, x, y, z):  # type: ignore[no-untyped-def]
     return index, best
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _first_tetrahedron(P, n, corners):  # type: ignore[no-untyped-def]
     """Four points of good volume into corners, positively oriented; False if all are flat."""
     a, _ = _farthest(P, n, 1.0, 0.0, 0.0)
@@ -84,7 +85,7 @@ def _first_tetrahedron(P, n, corners):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _push_out(P, facets, normals, offsets, count, p, edges):  # type: ignore[no-untyped-def]
     """Replace the facets that see point p by the cone from their horizon; the new count or -1."""
     n_edges = 0
@@ -121,7 +122,7 @@ def _push_out(P, facets, normals, offsets, count, p, edges):  # type: ignore[no-
     return kept
 
 
-@njit(cache=True, nogil=True)
+@njit
 def force_epsilon(P, n):  # type: ignore[no-untyped-def]
     """Radius of the largest ball about the origin in the hull of points P[:n], (m, 3).
 

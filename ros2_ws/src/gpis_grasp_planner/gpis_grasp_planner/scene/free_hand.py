@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.scene.palm import hand_gap
 from gpis_grasp_planner.scene.posture import finger_meets_hand
 
@@ -11,7 +10,7 @@ _OVERLAP = 1e-6
 _LIMIT = 1e-4
 
 
-@njit(cache=True, nogil=True)
+@njit
 def hand_meets_itself(hand, R, t, work, other):  # type: ignore[no-untyped-def]
     """Whether a finger overlaps another one or the palm."""
     for finger in range(hand.inner_joint.shape[0]):
@@ -20,7 +19,7 @@ def hand_meets_itself(hand, R, t, work, other):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit
 def hand_is_free(hand, obj, R, t, work, other):  # type: ignore[no-untyped-def]
     """Whether a placed hand collides neither with the object nor with itself."""
     if hand_gap(hand, obj, R, t, _LIMIT, work) <= 0.0:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
 from gpis_grasp_planner.scene.closing import close_hand
@@ -23,7 +23,7 @@ TOO_FEW_CONTACTS = 3
 NO_WAY_BACK = 4
 
 
-@njit(cache=True, nogil=True)
+@njit
 def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type: ignore[no-untyped-def]
     """As `quality.wrench_space.contact_wrenches`, into out (k * edges, 6)."""
     for i in range(k):
@@ -56,7 +56,7 @@ def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type:
             row[5] = (px * fy - py * fx) / obj.torque_scale
 
 
-@njit(cache=True, nogil=True)
+@njit
 def attempt_from(
     hand, obj, T, start, check_start, gap, threshold, edges, retreat, directions, n_starts,
     n_starts_good, joints, positions, normals, friction, links, R, t, work, other, wrenches,
@@ -94,7 +94,7 @@ def attempt_from(
     return GRASPED, k, epsilon, volume_estimate(W, k)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def attempt_many(
     hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
     status, count, epsilon, volume, joints, positions, normals, friction, links,
@@ -110,7 +110,7 @@ def attempt_many(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit
 def attempt_many_from(
     hand, obj, T, start, check_start, gap, threshold, edges, retreat, directions, n_starts,
     n_starts_good, status, count, epsilon, volume, joints, positions, normals, friction, links,
@@ -130,7 +130,7 @@ def attempt_many_from(
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit
 def clear_many(hand, obj, T, normal, spread, step, reach, turn, gap, standoff, free):  # type: ignore[no-untyped-def]
     """`clear_palm` for every row, in place in T; `free` tells which ended without collision."""
     n_links = hand.parent.shape[0]

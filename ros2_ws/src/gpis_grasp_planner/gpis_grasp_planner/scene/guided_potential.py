@@ -17,8 +17,8 @@ The original's virtual contacts carry a friction of their own, 0.2 for every mat
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.triangle_tree import nearest_point
 from gpis_grasp_planner.scene.force_hull import force_epsilon
 from gpis_grasp_planner.scene.free_hand import hand_is_free
@@ -33,7 +33,7 @@ MIN_CONTACTS = 3
 _FAR = 10.0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _distances(obj, R, t, links, points, normals, distance_mm, cosine, outward):  # type: ignore[no-untyped-def]
     """Distance [mm], cosine and hand normal (object's frame) of every desired contact."""
     q = np.empty(3)
@@ -63,7 +63,7 @@ def _distances(obj, R, t, links, points, normals, distance_mm, cosine, outward):
         px, py, pz = x, y, z
 
 
-@njit(cache=True, nogil=True)
+@njit
 def contact_scale(distance_mm, cosine):  # type: ignore[no-untyped-def]
     """Scale of a desired contact's wrenches, 0 to 2."""
     if cosine < MIN_COSINE or distance_mm > REACH_MM:
@@ -71,7 +71,7 @@ def contact_scale(distance_mm, cosine):  # type: ignore[no-untyped-def]
     return np.cos(np.pi * distance_mm / REACH_MM) + 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _add_pyramid(normal, scale, forces, count):  # type: ignore[no-untyped-def]
     """Forces of one scaled pyramid; its first tangent is e_y x n, as the original's."""
     nx, ny, nz = normal[0], normal[1], normal[2]
@@ -87,7 +87,7 @@ def _add_pyramid(normal, scale, forces, count):  # type: ignore[no-untyped-def]
         forces[count + e, 2] = scale * (nz + c * uz + s * vz)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def potential_energy(distance_mm, cosine, outward, forces):  # type: ignore[no-untyped-def]
     """The energy of contacts (n,) at these distances, cosines and hand normals (n, 3).
 
@@ -111,7 +111,7 @@ def potential_energy(distance_mm, cosine, outward, forces):  # type: ignore[no-u
     return total / n
 
 
-@njit(cache=True, nogil=True)
+@njit
 def potential_many(hand, obj, T, joints, links, points, normals, energy):  # type: ignore[no-untyped-def]
     """Energies of hands at poses T (B, 4, 4) with joints (B, J); inf where the hand collides."""
     n_links = hand.parent.shape[0]

@@ -10,8 +10,8 @@ optimisation has to satisfy.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.distance_field import field_value
 from gpis_grasp_planner.scene.posture import (
     coarse_step,
@@ -28,7 +28,7 @@ _WATCHED_STEP = 0.08  # as in closing
 _UNWATCHED = 0.08
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Angle at which the inner link stops on its way to `motor`, and whether it touches."""
     link = hand.inner_link[finger]
@@ -67,7 +67,7 @@ def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-
     return free, exact_gap(hand, obj, link, R, t, _NEAR, work) < 1e-3
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _nearest_point(hand, obj, link, R, t, out):  # type: ignore[no-untyped-def]
     """The link's surface point with the smallest field distance, into out; returns that."""
     best = np.inf
@@ -87,7 +87,7 @@ def _nearest_point(hand, obj, link, R, t, out):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit
 def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # type: ignore[no-untyped-def]
     """Postures of motors (B, 1 + F) [spread, fingers] at palm poses T (B, 4, 4).
 

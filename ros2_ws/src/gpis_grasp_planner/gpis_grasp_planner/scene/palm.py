@@ -11,12 +11,12 @@ since a palm that stops up to a whole step before the surface never touches it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.scene.posture import coarse_gap, exact_gap, place_hand, surely_free
 
 
-@njit(cache=True, nogil=True)
+@njit
 def hand_gap(hand, obj, R, t, limit, work):  # type: ignore[no-untyped-def]
     """Distance of all links from the object [m], at most `limit`; negative estimate inside.
 
@@ -44,7 +44,7 @@ def hand_gap(hand, obj, R, t, limit, work):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit
 def clear_palm(hand, obj, T, normal, joints, step, reach, turn, gap, standoff, R, t, work):  # type: ignore[no-untyped-def]
     """Move the open hand along `normal` until it is free (Alg. 2), in place in T.
 
@@ -118,7 +118,7 @@ def clear_palm(hand, obj, T, normal, joints, step, reach, turn, gap, standoff, R
     return hand_gap(hand, obj, R, t, step, work) > 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def retreat_is_free(hand, obj, T, joints, distance, steps, R, t):  # type: ignore[no-untyped-def]
     """Whether the open hand can go back along the palm's -z by `distance` without touching."""
     back = T.copy()

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.convex_distance import polytope_mesh
 from gpis_grasp_planner.geometry.distance_field import field_value
 from gpis_grasp_planner.geometry.gjk import polytope_distance
 from gpis_grasp_planner.geometry.triangle_tree import nearest_point
 
 
-@njit(cache=True, nogil=True)
+@njit
 def place_link(hand, link, angle, R, t):  # type: ignore[no-untyped-def]
     """Pose of one link from its parent's pose, in place in R (L, 3, 3) and t (L, 3)."""
     parent = hand.parent[link]
@@ -44,7 +44,7 @@ def place_link(hand, link, angle, R, t):  # type: ignore[no-untyped-def]
             R[link, a, b] = m[a, 0] * q[0, b] + m[a, 1] * q[1, b] + m[a, 2] * q[2, b]
 
 
-@njit(cache=True, nogil=True)
+@njit
 def place_hand(hand, joints, T, R, t):  # type: ignore[no-untyped-def]
     """Poses of all links in the object's frame for a palm pose T (4, 4); parents come first."""
     for link in range(hand.parent.shape[0]):
@@ -58,7 +58,7 @@ def place_hand(hand, joints, T, R, t):  # type: ignore[no-untyped-def]
             place_link(hand, link, joints[joint] if joint >= 0 else 0.0, R, t)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def coarse_gap(hand, obj, link, R, t):  # type: ignore[no-untyped-def]
     """Smallest field distance of a link's probes [m]; negative inside the object."""
     best = np.inf
@@ -75,7 +75,7 @@ def coarse_gap(hand, obj, link, R, t):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
     """How far a link with this `coarse_gap` is from the object at least [m]; may be negative.
 
@@ -85,7 +85,7 @@ def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
     return coarse - hand.link_cover[link] - 2.0 * obj.spacing
 
 
-@njit(cache=True, nogil=True)
+@njit
 def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # type: ignore[no-untyped-def]
     """Motor step [rad] that should leave `clearance` between a link and the object.
 
@@ -119,7 +119,7 @@ def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # 
     return best, nearest
 
 
-@njit(cache=True, nogil=True)
+@njit
 def piece_in_object_frame(hand, piece, R, t, out):  # type: ignore[no-untyped-def]
     """Vertices of a convex piece in the object's frame, into out; returns how many."""
     link = hand.piece_link[piece]
@@ -134,7 +134,7 @@ def piece_in_object_frame(hand, piece, R, t, out):  # type: ignore[no-untyped-de
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def]
     """The mesh's triangle nearest to the link's deepest probe; -1 none, -2 link is far."""
     best = np.inf
@@ -159,7 +159,7 @@ def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def
     return face
 
 
-@njit(cache=True, nogil=True)
+@njit
 def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-def]
     """Distance of a link from the object's mesh [m], at most `limit`; 0 where they overlap."""
     seed = _seed_triangle(hand, obj, link, R, t, limit)
@@ -178,13 +178,13 @@ def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-de
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit
 def overlaps(hand, obj, link, R, t, work):  # type: ignore[no-untyped-def]
     """Whether a link and the object's mesh overlap."""
     return exact_gap(hand, obj, link, R, t, 1e-4, work) <= 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[no-untyped-def]
     """Whether a finger's moving links are nearer than `limit` to a link of another finger.
 

@@ -11,8 +11,8 @@ direction must agree with the hand's normal. From each link the farthest-apart f
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.convex_distance import near_pairs
 from gpis_grasp_planner.geometry.distance_field import field_value
 from gpis_grasp_planner.geometry.triangle_tree import nearest_point
@@ -24,7 +24,7 @@ _APART = 0.0015
 _SAME_NORMAL = 0.94
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, gaps):  # type: ignore[no-untyped-def]
     count = 0
     p_self = np.empty((64, 3))
@@ -59,7 +59,7 @@ def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, ga
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _sample_candidates(hand, obj, link, R, t, threshold, points, normals, gaps, count):  # type: ignore[no-untyped-def]
     q = np.empty(3)
     Rl = R[link]
@@ -99,7 +99,7 @@ def _sample_candidates(hand, obj, link, R, t, threshold, points, normals, gaps, 
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _spread_out(points, normals, gaps, count, chosen):  # type: ignore[no-untyped-def]
     """Indices of up to MAX_PER_LINK candidates: the nearest, then always the farthest apart."""
     first = 0
@@ -133,7 +133,7 @@ def _spread_out(points, normals, gaps, count, chosen):  # type: ignore[no-untype
     return k
 
 
-@njit(cache=True, nogil=True)
+@njit
 def collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links):  # type: ignore[no-untyped-def]
     """Contacts of all links into positions, normals (inward) and links; returns how many."""
     found = 0

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.surface.kernels import radial
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def wendland(t: float) -> tuple[float, float]:
     """Wendland's C2 weight ``(1 - t)^4 (4 t + 1)`` and its derivative over t, divided by t."""
     if t >= 1.0:
@@ -23,7 +23,7 @@ def wendland(t: float) -> tuple[float, float]:
     return s**4 * (4.0 * t + 1.0), -20.0 * s**3
 
 
-@numba.njit(cache=True, nogil=True)
+@njit
 def evaluate(
     x: Array,
     low: Array,

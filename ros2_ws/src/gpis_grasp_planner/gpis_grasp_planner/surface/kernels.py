@@ -25,9 +25,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from gpis_grasp_planner.compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ MATERN_52 = 1
 KERNELS = {"matern32": MATERN_32, "matern52": MATERN_52}
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def radial(kind: int, a: float, r: float) -> tuple[float, float, float]:
     """Return ``k``, ``b`` and ``c`` of unit signal variance at distance `r` (see the module).
 
@@ -84,7 +85,7 @@ def covariance(kind: int, a: float, variance: float, trend: float, p: Array, q: 
     return K
 
 
-@numba.njit(cache=True, nogil=True)
+@njit
 def fill_covariance(
     kind: int, a: float, variance: float, trend: float, p: Array, q: Array, K: Array
 ) -> None:

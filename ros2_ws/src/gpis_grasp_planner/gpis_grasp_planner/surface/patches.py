@@ -18,12 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 from scipy.spatial import cKDTree
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.surface import kernels
 from gpis_grasp_planner.surface.settings import SurfaceSettings
@@ -223,7 +223,7 @@ def build_grid(patches: Patches) -> PatchGrid:
     return PatchGrid(low, cell, size, offset, patch)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit
 def _fill_grid(
     center: Array, radius: Array, low: Array, cell: float, size: IntArray
 ) -> tuple[IntArray, IntArray]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.surface_samples import uniform_samples
@@ -61,7 +61,7 @@ def sample_surface(mesh: TriangleMesh, n: int, seed: int) -> tuple[Array, Array]
     return candidates.points[keep], candidates.normals_outward[keep]
 
 
-@numba.njit(cache=True, nogil=True)
+@njit
 def _throw_darts(p: Array, normal: Array, spacing: float, cell: float) -> NDArray[np.bool_]:
     """Keep, in the given order, points with no kept one nearer than the spacing.
 

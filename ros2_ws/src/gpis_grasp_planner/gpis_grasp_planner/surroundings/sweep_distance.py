@@ -8,13 +8,13 @@ sweep costs twice a pose, and there are no steps between which something thin co
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.convex_distance import polytope_mesh
 from gpis_grasp_planner.geometry.gjk import polytope_distance
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _sweep(vertices, first, last, T_0, T_1, out):  # type: ignore[no-untyped-def]
     """Vertices [first, last) of a piece at both poses, into out; returns how many."""
     n = last - first
@@ -26,7 +26,7 @@ def _sweep(vertices, first, last, T_0, T_1, out):  # type: ignore[no-untyped-def
     return 2 * n
 
 
-@njit(cache=True, nogil=True)
+@njit
 def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance):  # type: ignore[no-untyped-def]
     """Distances of M sweeps from a solid convex polytope.
 
@@ -54,7 +54,7 @@ def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance)
         distance[k] = polytope_distance(work[:n], other, limit[k], direction, p, q)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def sweeps_to_mesh(  # type: ignore[no-untyped-def]
     vertices, start, piece, T_0, T_1, limit, triangles, lower, upper, child, distance
 ):

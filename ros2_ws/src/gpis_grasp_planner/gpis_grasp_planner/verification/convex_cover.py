@@ -15,10 +15,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.distance_field import DistanceField, field_value
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree, nearest_point
@@ -156,7 +156,7 @@ def _faces_around_vertices(
     return start.astype(np.int64), (order // 3).astype(np.int64)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _holds(solid, x, y, z, d, tolerance, q):  # type: ignore[no-untyped-def]
     """Whether a point whose field value is `d` is at most the tolerance outside."""
     if d <= tolerance:
@@ -170,7 +170,7 @@ def _holds(solid, x, y, z, d, tolerance, q):  # type: ignore[no-untyped-def]
     return face >= 0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _all_inside(solid, points, tolerance):  # type: ignore[no-untyped-def]
     q = np.empty(3)
     for i in range(points.shape[0]):
@@ -181,7 +181,7 @@ def _all_inside(solid, points, tolerance):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _sees(solid, a, b, tolerance):  # type: ignore[no-untyped-def]
     """Whether the segment between two points leaves the solid by at most the tolerance."""
     dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -199,7 +199,7 @@ def _sees(solid, a, b, tolerance):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _is_inside(solid, p, ends, tolerance):  # type: ignore[no-untyped-def]
     """Whether a point is inside and sees all `ends` (n, 3)."""
     if field_value(solid.values, solid.origin, solid.spacing, p[0], p[1], p[2]) > 0.0:
@@ -211,7 +211,7 @@ def _is_inside(solid, p, ends, tolerance):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _sees_members(vertex, members, vertices, solid, tolerance):  # type: ignore[no-untyped-def]
     """Whether a vertex sees the members: the newest, and an even choice of the others."""
     n = members.shape[0]
@@ -222,7 +222,7 @@ def _sees_members(vertex, members, vertices, solid, tolerance):  # type: ignore[
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _grow(seed, vertices, faces, start, around, solid, tolerance, limit):  # type: ignore[no-untyped-def]
     """Grow a piece from a face; returns its vertices and all faces that lie in it."""
     n_faces = faces.shape[0]

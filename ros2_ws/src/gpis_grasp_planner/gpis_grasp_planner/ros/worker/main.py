@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from gpis_grasp_planner.plan.progress import Progress
-from gpis_grasp_planner.plan.warm_up import warm_up
+from gpis_grasp_planner.plan.warm_up import load_compiled, make_ready
 from gpis_grasp_planner.ros.worker.messages import (
     CancelOrder,
     PlaceOrder,
@@ -95,9 +95,10 @@ class OrderInbox:
 
 
 def _warm_up() -> None:
-    """Load the compiled code (2 s) before an order's clock runs; cold, it takes a minute."""
+    """Load the compiled code before an order's clock runs; compiling it takes a minute."""
     try:
-        warm_up([WARM_UP_PLANNER])
+        if not make_ready(WARM_UP_PLANNER):
+            load_compiled()
     except Exception:
         # An order will fail in the same way, and be answered with the reason.
         traceback.print_exc()

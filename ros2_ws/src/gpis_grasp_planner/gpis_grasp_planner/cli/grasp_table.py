@@ -1,0 +1,104 @@
+"""An answer's grasps as a table: quality, trials, approach, contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.cli.tables import Column
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.grasp.grasp import Grasp
+    from gpis_grasp_planner.hand.description import Finger, HandDescription
+    from gpis_grasp_planner.plan.request import PlanResult
+
+PALM = "P"
+LEGEND = "Contacts: P palm, F1 first finger; its links k knuckle, i inner, d distal."
+# Causes that are too long for a column.
+_SHORT = {"lost while closing": "lost", "too few touch": "few touch"}
+
+
+def grasp_columns(hand: HandDescription, grasps: Sequence[Grasp], verified: bool) -> list[Column]:
+    """One row per grasp; `verified`: trials were asked for, also where none was made."""
+    trials = [trial_cells(grasp) for grasp in grasps]
+    columns = [
+        Column("#", [str(i) for i in range(len(grasps))]),
+        Column("epsilon", [f"{grasp.epsilon:.4f}" for grasp in grasps]),
+        Column("volume", [f"{grasp.volume:.4f}" for grasp in grasps], 2),
+    ]
+    if verified:
+        columns += [
+            Column("holds", [holds for holds, _ in trials], 1, left=True),
+            Column("slip [mm]", [slip for _, slip in trials], 5),
+        ]
+    if any(grasp.hold_probability is not None for grasp in grasps):
+        columns.append(Column("P(hold)", [_probability(grasp) for grasp in grasps], 1))
+    columns.append(Column("approach", [_vector(g.approach_direction, 5, 2) for g in grasps], 3))
+    positions = [_vector(1e3 * grasp.T_object_palm[:3, 3], 6, 1) for grasp in grasps]
+    return [
+        *columns,
+        Column("contacts", [contact_code(hand, g.contacts.links) for g in grasps], 4, left=True),
+        Column("palm at [mm]", positions, 6),
+        Column("points", [str(len(grasp.contacts)) for grasp in grasps], 7),
+    ]
+
+
+def order_text(result: PlanResult) -> str:
+    """By what the rows are ordered, see ``grasp.order.answer_rank``; and how they are counted."""
+    rules = []
+    if result.request.verification != "none":
+        rules.append("held in physics")
+    if any(grasp.hold_probability is not None for grasp in result.grasps):
+        rules.append("P(hold)")
+    weight = result.settings["hpp"]["volume_weight"]
+    rules.append(f"epsilon + {weight:g} volume")
+    return f"Best first, by {', then '.join(rules)}; # counts from 0."
+
+
+def trial_cells(grasp: Grasp) -> tuple[str, str]:
+    """What physics said: trials passed of those made, or the cause; and the largest slip."""
+    trials = grasp.trials
+    if trials is None:
+        return "not tried", ""
+    if not trials.held:
+        cause = trials.outcomes[0].cause
+        return _SHORT.get(cause, cause), ""
+    return f"{trials.n_passed} of {len(trials.outcomes)}", f"{1e3 * trials.largest_slip_m:.1f}"
+
+
+def contact_code(hand: HandDescription, links: NDArray[np.integer]) -> str:
+    """Which links touch, such as ``P F1d F2id``: palm, then each finger with its links.
+
+    Links that belong to no finger are written by their names.
+    """
+    touching = {int(link) for link in links}
+    words = []
+    for link in sorted(touching):
+        name = hand.link_names[link]
+        if name == hand.palm_link:
+            words.append(PALM)
+        elif not any(link in _links(finger) for finger in hand.fingers):
+            words.append(name)
+    for finger in hand.fingers:
+        letters = [
+            letter for letter, link in zip("kid", _links(finger), strict=True) if link in touching
+        ]
+        if letters:
+            words.append(finger.name + "".join(letters))
+    return " ".join(words)
+
+
+def _links(finger: Finger) -> tuple[int, int, int]:
+    return finger.knuckle_link, finger.inner_link, finger.distal_link
+
+
+def _vector(values: NDArray[np.float64], width: int, digits: int) -> str:
+    # Adding 0 after rounding: no minus before a zero.
+    return " ".join(f"{round(float(x), digits) + 0.0:{width}.{digits}f}" for x in values)
+
+
+def _probability(grasp: Grasp) -> str:
+    return "" if grasp.hold_probability is None else f"{grasp.hold_probability:.2f}"
