@@ -23,6 +23,7 @@ import rclpy.time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.srv import PlanGrasp
@@ -101,7 +102,9 @@ class Client:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = Node("grasp_client", context=self.context)
-        self._service = self.node.create_client(PlanGrasp, "plan_grasp")
+        # All answers of the node pass through every client's reader.
+        many = QoSProfile(depth=1000)
+        self._service = self.node.create_client(PlanGrasp, "plan_grasp", qos_profile=many)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._stop = threading.Event()

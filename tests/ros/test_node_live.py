@@ -233,7 +233,7 @@ def test_the_death_of_the_planning_process_is_survived(
     node: Any, client: Any, planned: PlanGrasp.Response, tools: Any
 ) -> None:
     worker = node.wait_worker()
-    future = client.call_async(tools.request("sphere", time_budget=30.0, seed=21))
+    future = client.call_async(tools.request("sphere", time_budget=4.0, seed=21))
 
     def processor_ticks() -> int:
         return int(Path(f"/proc/{worker}/stat").read_text().split()[13])
@@ -243,8 +243,8 @@ def test_the_death_of_the_planning_process_is_survived(
     os.kill(worker, signal.SIGKILL)
     tools.wait(future.done, "the answer", 60.0)
     answer = future.result()
-    assert answer.code == ErrorCode.PLANNING_PROCESS_LOST
-    assert "SIGKILL" in answer.message
+    assert answer.success, answer.message  # given to the next process
+    assert "was lost while planning: it was ended by SIGKILL" in node.text()
     assert client.plan("mug").from_cache
     assert client.plan("sphere", seed=22).success
     assert node.wait_worker() != worker

@@ -5,42 +5,26 @@ from __future__ import annotations
 import threading
 import traceback
 from collections.abc import Callable
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
-from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from gpis_grasp_msgs.msg import ForbiddenRegion, Obstacle
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.ros.call import Call
+from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
 from gpis_grasp_planner.ros.conversions import grasp_message
+from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.request_guard import ObjectPose, check_request
-from gpis_grasp_planner.ros.scene_source import SceneSource
+from gpis_grasp_planner.ros.scene_defaults import pose_of_text
+from gpis_grasp_planner.ros.scene_source import SceneSource, Transform
 from gpis_grasp_planner.ros.settings import NodeSettings
-from gpis_grasp_planner.ros.text import printable
-
-
-class GraspRequest(Protocol):
-    """The fields that ``PlanGrasp.Request`` and ``PlanGrasp.Goal`` have in common: all of them."""
-
-    mesh_id: str
-    object_pose: PoseStamped
-    seed: int
-    time_budget: float
-    n_grasps: int
-    planner: str
-    verification: str
-    support_plane: PoseStamped
-    obstacles: list[Obstacle]
-    target_frame: str
-    approach_axis: Vector3Stamped
-    approach_half_angle: float
-    forbidden_regions: list[ForbiddenRegion]
+from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 
 
 class GraspAnswering:
@@ -64,6 +48,7 @@ class GraspAnswering:
         plans: PlanSource,
         publishers: GraspPublishers,
         scenes: SceneSource,
+        transform: Transform,
     ) -> None:
         self._log = log
         self._hand = hand
@@ -72,6 +57,7 @@ class GraspAnswering:
         self._plans = plans
         self._publishers = publishers
         self._scenes = scenes
+        self._transform = transform
         self._count_lock = threading.Lock()
         self.n_in_work = 0
         self.n_answers = 0
@@ -128,29 +114,53 @@ class GraspAnswering:
         self._plans.check_mesh_id(request.mesh_id)
         given = self._poses.from_request(request.object_pose)
         pose = given or self._poses.newest(request.mesh_id)
-        place = self._scenes.place(request, pose)  # before the plan: a bad scene is told at once
+        # Before the plan: a bad scene, or a frame that nobody knows, is told at once.
+        place = self._scenes.place(request, pose)
+        shown = self._in_frame(pose, request.target_frame)
+        plan_request = replace(
+            plan_request,
+            approach=approach_of(request, pose, self._transform),
+            forbidden=forbidden_of(request),
+        )
         delivered = self._plans.plan(request.mesh_id, plan_request, call, place)
         if given is None and not delivered.from_cache:
             pose, planned_for = self._newer(request.mesh_id, pose), pose
-            if place and pose is not planned_for:
+            if pose is not planned_for:
                 place = self._scenes.place(request, pose)
+            if place and pose is not planned_for:
                 delivered = self._plans.place(delivered, place, plan_request, call)
+            if pose is not planned_for:
+                shown = self._in_frame(pose, request.target_frame)
         plan = delivered.plan
         response.code = int(plan.code)
         response.message = plan.message
         response.evaluations = plan.evaluations
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
+        T_palm_flange = pose_of_text(self._settings().palm_flange_pose, "palm_flange_pose")
         response.grasps = [
-            grasp_message(grasp, plan, pose, self._hand)
+            grasp_message(grasp, plan, shown, self._hand, T_palm_flange)
             for grasp in plan.grasps[: plan_request.n_grasps]
         ]
         if plan.best_attempt is not None and not plan.grasps:
-            attempt = grasp_message(plan.best_attempt, plan, pose, self._hand)
+            attempt = grasp_message(plan.best_attempt, plan, shown, self._hand, T_palm_flange)
             response.best_attempt = [attempt]
         response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
         if response.success:
             self._publishers.publish(response.grasps[0])
+
+    def _in_frame(self, pose: ObjectPose, frame_id: str) -> ObjectPose:
+        """The object's pose in the frame that the answer is wanted in; "" is its own."""
+        if frame_id in ("", pose.frame_id):
+            return pose
+        if FRAME_PATTERN.fullmatch(frame_id) is None:
+            raise PoseError(
+                f"The target_frame is '{printable(frame_id, 60)}'; it must be 1 to 255 letters, "
+                "digits or '_./~:-'.",
+                ErrorCode.EMPTY_FRAME,
+            )
+        T_target_pose = self._transform(frame_id, pose.frame_id, pose.stamp_ns)
+        return replace(pose, T_world_object=T_target_pose @ pose.T_world_object, frame_id=frame_id)
 
     def _newer(self, mesh_id: str, pose: ObjectPose) -> ObjectPose:
         """The estimate of now, where a good one came while the plan was made."""

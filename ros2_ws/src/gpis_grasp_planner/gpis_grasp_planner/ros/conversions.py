@@ -74,9 +74,13 @@ def verification_message(trials: Trials | None) -> GraspVerification:
 
 
 def grasp_message(
-    grasp: Grasp, plan: Plan, pose: ObjectPose, hand: HandDescription
+    grasp: Grasp,
+    plan: Plan,
+    pose: ObjectPose,
+    hand: HandDescription,
+    T_palm_flange: Array | None = None,
 ) -> GraspMessage:
-    """One grasp where the object lies."""
+    """One grasp where the object lies; without `T_palm_flange` the flange's pose is the palm's."""
     header = header_message(pose)
     T_world_object = pose.T_world_object
     T_world_palm = T_world_object @ grasp.T_object_palm
@@ -90,6 +94,12 @@ def grasp_message(
         mesh_id=plan.mesh_id,
         mesh_hash=plan.mesh_hash,
         palm_pose=PoseStamped(header=header, pose=pose_message(T_world_palm)),
+        flange_pose=PoseStamped(
+            header=header,
+            pose=pose_message(
+                T_world_palm if T_palm_flange is None else T_world_palm @ T_palm_flange
+            ),
+        ),
         pre_grasp=joint_state_message(header, hand.joint_names, grasp.pregrasp_joints),
         grasp=joint_state_message(header, hand.joint_names, grasp.joints),
         pre_grasp_palm_pose=PoseStamped(header=header, pose=pose_message(T_world_pregrasp)),

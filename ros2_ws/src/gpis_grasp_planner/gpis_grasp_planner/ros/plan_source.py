@@ -87,10 +87,12 @@ class PlanSource:
         GraspPlannerError
             BUSY, or why there is no plan.
         """
+        if place is not None and not place and not _depends_on_pose(request):
+            place = None
         order = self._order(mesh_id, request)
         self.cache.size = self._settings().plan_cache_size
         if (known := self._known(order, place)) is not None:
-            if not place and known.place is None:
+            if place is None and known.place is None:
                 return DeliveredPlan(known, from_cache=True)
             with self._queue.turn(Lane.KNOWN, call):
                 placed = self._placed(order, known, place or Place(), call)
@@ -100,7 +102,7 @@ class PlanSource:
             # Another request may have made the plan while this one waited.
             newer = self._known(order, place)
             if newer is not None and newer is not known:
-                if not place and newer.place is None:
+                if place is None and newer.place is None:
                     return DeliveredPlan(newer, from_cache=True)
                 with self._queue.turn(Lane.KNOWN, call, admitted=True):
                     placed = self._placed(order, newer, place or Place(), call)
@@ -149,7 +151,7 @@ class PlanSource:
         plan = self._process.carry_out(
             replace(
                 order,
-                place=place.as_mapping() if place else None,
+                place=None if place is None else place.as_mapping(),
                 known=b"" if known is None else known.record,
             ),
             call,
@@ -184,3 +186,8 @@ class PlanSource:
 
     def _catalogue_settings(self) -> CatalogueSettings:
         return CatalogueSettings.from_mapping(self._planning_values()["catalogue"])
+
+
+def _depends_on_pose(request: PlanRequest) -> bool:
+    """Whether a plan in free space is another one for another pose of the part."""
+    return request.approach is not None and request.approach.frame == "world"

@@ -24,6 +24,7 @@ from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.ros.tf_listener import TfListener
 from gpis_grasp_planner.ros.work_queue import Lane, WorkQueue
 from gpis_grasp_planner.ros.worker.supervisor import WorkerSupervisor, WorkLimits
 from gpis_grasp_planner.ros.worker.watch import PlanningProcess
@@ -52,6 +53,7 @@ class GraspPlannerNode(Node):
         )
         self.supervisor.ensure_started()
         self.poses = PoseSource(self, lambda: self.parameters.node)
+        self.frames = TfListener(self, lambda: self.parameters.node)
         self.queue = WorkQueue(lambda: self.parameters.node.queue_size)
         self.plans = PlanSource(
             PlanningProcess(self.supervisor),
@@ -65,6 +67,7 @@ class GraspPlannerNode(Node):
             lambda: self.parameters.node,
             self.plans.check_mesh_id,
             self.parameters.uses_covariance,
+            self.frames.transform,
         )
         self.answering = GraspAnswering(
             self.get_logger(),
@@ -74,6 +77,7 @@ class GraspPlannerNode(Node):
             self.plans,
             publishers,
             scenes,
+            self.frames.transform,
         )
         self.threads = ThreadPoolExecutor(self.n_threads, "request")
         self.service = PlanGraspService(self, self.answering, self.threads)

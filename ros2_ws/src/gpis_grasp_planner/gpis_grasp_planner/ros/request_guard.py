@@ -121,6 +121,7 @@ def check_pose(
     """
     check_frame(raw)
     T_world_object, note = _checked_transform(raw)
+    _check_workspace(raw, settings.workspace_radius_m)
     covariance = _known_covariance(raw)
     stamp_ns = _checked_stamp(raw, now_ns, now_steady_s, settings)
     return ObjectPose(T_world_object, raw.frame_id, stamp_ns, covariance, note)
@@ -162,6 +163,18 @@ def _checked_transform(raw: RawPose) -> tuple[Array, tuple[str, ...]]:
     if abs(norm - 1.0) > 1e-6:
         notes = (f"The quaternion of {raw.source} had the norm {norm:.6g} and was normalised.",)
     return from_position_quat_xyzw(values[:3], values[3:] / norm), notes
+
+
+def _check_workspace(raw: RawPose, radius_m: float) -> None:
+    distance = float(np.linalg.norm(raw.position))
+    if distance > radius_m:
+        hint = f" In millimetres that would be {distance / 1e3:.3g} m." if distance < 1e5 else ""
+        raise PoseError(
+            f"The position of {raw.source} is {distance:g} m from the origin of "
+            f"'{printable(raw.frame_id, 60)}'; the limit is {radius_m:g} m (parameter "
+            f"workspace_radius_m).{hint} Give metres, or raise the limit.",
+            ErrorCode.OUTSIDE_WORKSPACE,
+        )
 
 
 def _known_covariance(raw: RawPose) -> Array | None:

@@ -17,8 +17,14 @@ FARTHEST_M = 1e6
 
 
 @lru_cache(maxsize=8)
-def support_pose_of(text: str) -> NDArray[np.float64]:
-    """Pose (4, 4) from seven numbers ``x y z qx qy qz qw``.
+def pose_of_text(text: str, name: str) -> NDArray[np.float64]:
+    """Pose (4, 4) from seven numbers ``x y z qx qy qz qw``; not to be written to.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        Of the setting.
 
     Raises
     ------
@@ -31,13 +37,13 @@ def support_pose_of(text: str) -> NDArray[np.float64]:
         numbers = []
     if len(numbers) != 7:
         raise RequestError(
-            f"Setting 'support_pose' is {text!r}; it takes seven numbers: x y z [m] and "
-            "the quaternion x y z w, such as '0 0 0.75 0 0 0 1'.",
+            f"Setting '{name}' is {text!r:.80}; it takes seven numbers: x y z [m] and the "
+            "quaternion x y z w, such as '0 0 0.75 0 0 0 1'.",
             ErrorCode.INVALID_SCENE,
         )
-    what = "the setting support_pose"
-    T = read_pose({"quat_xyzw": numbers[3:]}, what)
-    T[:3, 3] = read_far_position(numbers[:3], what)
+    T = read_pose({"quat_xyzw": numbers[3:]}, f"the setting {name}")
+    T[:3, 3] = read_far_position(numbers[:3], f"the setting {name}")
+    T.flags.writeable = False
     return T
 
 

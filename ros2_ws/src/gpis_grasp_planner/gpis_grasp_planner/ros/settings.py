@@ -17,7 +17,7 @@ from gpis_grasp_planner.plan.request import (
     TIME_BUDGET_RANGE_S,
     check_friction,
 )
-from gpis_grasp_planner.ros.scene_defaults import near_origin, obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.scene_defaults import near_origin, obstacles_of, pose_of_text
 from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.settings import SettingsGroup, setting
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
@@ -151,19 +151,41 @@ class NodeSettings(SettingsGroup):
     plan_cache_size: int = setting(
         64, low=0, high=10_000, description="Plans kept in memory; the oldest go first."
     )
+    workspace_radius_m: float = setting(
+        100.0,
+        low=0.1,
+        high=1e6,
+        description="An object pose further than this from the origin of its frame is refused, "
+        "as a mistake of units most likely.",
+    )
+    tf_tolerance_s: float = setting(
+        0.2,
+        low=0.0,
+        high=60.0,
+        description="How far an object pose's stamp may lie outside the transforms that are "
+        "known of a frame; the nearest is taken.",
+    )
+    tf_wait_s: float = setting(
+        0.1,
+        low=0.0,
+        high=10.0,
+        description="How long a request waits for a transform that is not there yet.",
+    )
+    palm_flange_pose: str = setting(
+        "0 0 0 0 0 0 1",
+        description="Pose of the robot's flange in the palm's frame, x y z qx qy qz qw: "
+        "flange_pose of a grasp is where that flange has to be.",
+    )
     support_frame: str = setting(
         "",
-        description="Frame of the default support plane, that of the object's poses; empty: the "
-        "node assumes no support.",
+        description="Frame of the default support plane; empty: the node assumes no support.",
     )
     support_pose: str = setting(
         "0 0 0 0 0 0 1",
         description="Pose of the default support plane, x y z qx qy qz qw: its xy-plane carries "
         "the part, its z axis points away from the support.",
     )
-    obstacles_frame: str = setting(
-        "", description="Frame of the default obstacles, that of the object's poses."
-    )
+    obstacles_frame: str = setting("", description="Frame of the default obstacles.")
     obstacles: str = setting(
         "",
         description="Default obstacles as YAML or JSON text: the list of clearance.md; a mesh is "
@@ -198,7 +220,8 @@ class NodeSettings(SettingsGroup):
             )
 
     def _check_scene(self) -> None:
-        support_pose_of(self.support_pose)
+        pose_of_text(self.support_pose, "support_pose")
+        pose_of_text(self.palm_flange_pose, "palm_flange_pose")
         listed = obstacles_of(self.obstacles)
         Surroundings.from_mapping(
             {"obstacles": [near_origin(entry) for entry in listed]}, lambda _mesh_id: STAND_IN
