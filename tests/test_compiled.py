@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gpis_grasp_planner
-from gpis_grasp_planner import compiled
+from gpis_grasp_planner import compiled, compiled_cache
 from gpis_grasp_planner.compiled import FunctionFiles, is_ready, mark_ready, njit, when_compiling
 
 
@@ -31,6 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def use(monkeypatch: pytest.MonkeyPatch, *folders: Path) -> None:
     monkeypatch.setattr(compiled, "folders", lambda: folders)
+    monkeypatch.setattr(compiled_cache, "folders", lambda: folders)
     monkeypatch.setattr(FunctionFiles, "_said", False)
 
 
@@ -125,7 +126,7 @@ def test_a_folder_that_can_only_be_read_is_read(
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
 
-    monkeypatch.setattr(compiled, "replace_file", read_only)
+    monkeypatch.setattr(compiled_cache, "replace_file", read_only)
     function = njit(twice)
     assert function(3) == 6
     assert loaded_from_disk(function)

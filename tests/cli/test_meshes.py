@@ -24,3 +24,15 @@ def test_a_bad_mesh_is_listed_with_its_fault(gpis_grasp, tmp_path: Path) -> None
     assert answer.code == 1
     assert "MESH_EMPTY" in answer.out
     assert "119 x 84 x 95" in answer.out
+
+
+def test_a_file_that_no_id_can_name_is_listed(gpis_grasp, tmp_path: Path) -> None:
+    shipped = default_catalogue_directory()
+    (tmp_path / "hole coupon.stl").write_bytes((shipped / "mug.stl").read_bytes())
+    (tmp_path / "gearbox").mkdir()
+    (tmp_path / "gearbox" / "mug.stl").write_bytes((shipped / "mug.stl").read_bytes())
+    answer = gpis_grasp("meshes", "--meshes", tmp_path, "--set", "catalogue.default_unit=mm")
+    text = " ".join(answer.out.split())
+    assert "gearbox/mug" in text
+    assert "hole coupon.stl cannot be asked for: the file's name has a blank" in text
+    assert "hole_coupon.stl" in text

@@ -57,7 +57,7 @@ def test_set_goes_over_the_file_and_both_over_the_defaults(tmp_path: Path) -> No
         ("hpp.batch=0", r"\[1, 64\]"),
         ("hpp.xi=nan", "finite"),
         ("verification.mass_kg=0", "mass_kg"),
-        ("catalogue.default_unit=inch", "mm"),
+        ("catalogue.default_unit=foot", "mm"),
     ],
 )
 def test_a_bad_assignment_says_what_is_right(assignment: str, word: str) -> None:

@@ -96,7 +96,8 @@ def test_an_open_mesh_takes_the_centre_of_its_hull_and_says_so(directory, write)
 @pytest.mark.parametrize(
     "mesh_id",
     [
-        "", ".", "..", "../box", "..\\box", "/etc/passwd", "a/b", "box/", "box\0", "box\n",
+        "", ".", "..", "../box", "..\\box", "/etc/passwd", "/box", "a//b", "a/../box", "box/",
+        "a/.b", "box\0", "box\n",
         "%2e%2e%2fbox", "box%00", "~", "-box", ".box", "a..b", "b ox", "b\u00f6x", "box\u202e",
         "b" * 65, "b" * 100_000,
         "\ud800", "box;rm", "$HOME", "file:box", "*", "bo[x]",

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from gpis_grasp_planner.geometry import distance_field as module
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 
@@ -155,3 +156,12 @@ def test_translating_the_mesh_translates_the_field(ring, field):
     assert difference[np.abs(field.values) < 1.9 * field.spacing].max() < 2e-7
     assert difference.max() < field.spacing
     np.testing.assert_array_equal(moved.values < 0.0, field.values < 0.0)
+
+
+def test_a_mesh_in_pieces_gives_the_same_field(ring, field, monkeypatch):
+    monkeypatch.setattr(module, "_TRIANGLES_A_CALL", 7)
+    shares = []
+    again = DistanceField.of(mesh_of(ring), cells=64, on_share=shares.append)
+    np.testing.assert_array_equal(again.values, field.values)
+    assert shares == sorted(shares)
+    assert len(shares) > len(ring.faces) // 7

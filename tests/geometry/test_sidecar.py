@@ -12,6 +12,7 @@ from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.materials import MATERIALS
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.sidecar import KEYS, MAX_SIDECAR_BYTES, Sidecar, parse_sidecar
+from gpis_grasp_planner.geometry.units import UNITS
 
 
 def parsed(text: str) -> Sidecar:
@@ -21,8 +22,10 @@ def parsed(text: str) -> Sidecar:
 def test_everything_it_may_say():
     sidecar = parsed(
         "description: a part\nunit: mm\nmass: 0.3\ncenter_of_mass: [0.01, -2e-2, 0]\n"
-        "friction: {finger: 0.4, palm: 0.3}\nmaterial: steel\n"
+        "friction: {finger: 0.4, palm: 0.3}\nmaterial: steel\nscale: 2\nbody: cover\n"
     )
+    assert sidecar.scale == 2.0
+    assert sidecar.body == "cover"
     assert sidecar.unit == "mm"
     assert sidecar.mass == 0.3
     assert sidecar.density is None  # the mass is given, the material's density has no say
@@ -64,8 +67,16 @@ def test_the_paper_s_materials_have_its_friction():
     ("text", "said"),
     [
         ("units: mm", "'units'; known are unit, mass"),
-        ("unit: inch", "'inch'; choose m or mm"),
-        ("unit: 1", "choose m or mm"),
+        ("unit: foot", "'foot'; choose one of m, cm, mm, um, inch"),
+        ("unit: [mm]", "choose one of"),
+        ("scale: 0", "0; it must be 1e-09 to 1e+09"),
+        ("scale: .nan", "nan"),
+        ("scale: true", "True"),
+        ("body: 0", "number from 1"),
+        ("body: true", "True"),
+        ("body: ''", "body's name"),
+        ("body: [1]", "body's name"),
+        ("unit: 1", "choose one of"),
         ("unit: mm\nunit: m", "'unit' is given twice"),
         ("mass: 0", "above 0 and at most 1000 kg"),
         ("mass: -1", "-1"),
@@ -75,7 +86,9 @@ def test_the_paper_s_materials_have_its_friction():
         ("mass: true", "True"),
         ("mass: 1\ndensity: 1", "both mass and density"),
         ("density: 1e9", "30000 kg/m3"),
-        ("friction: 0", "above 0 and at most 10"),
+        ("friction: 0", "0.01 to 5"),
+        ("friction: 6", "0.01 to 5"),
+        ("friction: 0.005", "0.01 to 5"),
         ("friction: .nan", "nan"),
         ("friction: {finger: 0.3}", "both finger and palm"),
         ("friction: {finger: 0.3, palm: 0.2, thumb: 1}", "both finger and palm"),
@@ -129,6 +142,6 @@ def test_any_values_are_taken_or_refused_with_the_code(content):
     else:
         code = ErrorCode.MESH_SIDECAR_INVALID
     assert code == ErrorCode.MESH_SIDECAR_INVALID
-    assert sidecar.unit in (None, "m", "mm")
+    assert sidecar.unit is None or sidecar.unit in UNITS
     for value in (sidecar.mass, sidecar.density):
         assert value is None or 0 < value <= 30_000

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from gpis_grasp_planner.geometry import triangle_tree as module
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree, nearest_point
 
@@ -98,3 +99,12 @@ def test_tells_face_from_edge_and_corner():
 def test_faces_without_area_are_left_out():
     mesh = TriangleMesh(np.eye(3), np.array([[0, 0, 1], [0, 1, 2]], dtype=np.int32))
     assert len(TriangleTree.of(mesh).triangles) == 1
+
+
+def test_the_share_done_is_told_in_order(mesh, monkeypatch):
+    monkeypatch.setattr(module, "_NODES_A_CALL", 3)
+    shares = []
+    TriangleTree.of(mesh, on_share=shares.append)
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert 0.5 < shares[-1] < 1.0

@@ -245,7 +245,7 @@ def _set(path: str, value: object):  # type: ignore[no-untyped-def]
         ("center_of_mass", [0.0, 0.0], "center_of_mass"),
         ("cone_edges", 2, "cone_edges"),
         ("time_budget_s", 1e9, "time budget"),
-        ("mesh_source", {"file": "a.stl", "unit": "inch"}, "mesh_source.unit"),
+        ("mesh_source", {"file": "a.stl", "unit": "foot"}, "mesh_source.unit"),
         ("settings", {"hpp": 3}, "settings"),
         ("notes", "none", "notes"),
         ("grasps.0.palm_pose.orientation_xyzw", [0.0, 0.0, 0.0, 0.0], "orientation_xyzw"),

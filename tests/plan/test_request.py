@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
-from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.plan.request import (
-    FRICTION_RANGE,
     GRASP_COUNT_RANGE,
     SEED_LIMIT,
     TIME_BUDGET_RANGE_S,

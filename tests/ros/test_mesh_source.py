@@ -12,6 +12,19 @@ from gpis_grasp_planner.ros.mesh_source import fingerprint
 LIMIT = 10_000
 
 
+def test_a_mesh_in_a_subdirectory_has_a_fingerprint_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "gearbox").mkdir()
+    (tmp_path / "gearbox" / "planet.step").write_bytes(b"mesh")
+    (tmp_path / "planet.step").write_bytes(b"another")
+    before = fingerprint([tmp_path], "gearbox/planet", LIMIT)
+    assert before is not None
+    assert before != fingerprint([tmp_path], "planet", LIMIT)
+    (tmp_path / "planet.step").write_bytes(b"changed")
+    assert fingerprint([tmp_path], "gearbox/planet", LIMIT) == before
+    (tmp_path / "gearbox" / "planet.yaml").write_text("unit: mm")
+    assert fingerprint([tmp_path], "gearbox/planet", LIMIT) != before
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "mug.stl").write_bytes(b"mesh")

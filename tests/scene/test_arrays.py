@@ -1,11 +1,17 @@
 """Hand and object as arrays: what the compiled loops rely on."""
 
+import shutil
+from dataclasses import replace
+
+import numba
 import numpy as np
 import pytest
 import trimesh
 
+from gpis_grasp_planner import compiled_cache
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.scene import arrays as module
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
 
 
@@ -81,3 +87,52 @@ def test_object_carries_the_requests_friction_and_the_parts_scale(scene):
     assert (obj.friction_finger, obj.friction_palm) == (0.7, 0.2)
     assert obj.torque_scale == pytest.approx(0.5 * np.linalg.norm([0.05, 0.06, 0.08]))
     np.testing.assert_allclose(obj.center_of_mass, 0.0, atol=1e-12)
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """Return the only folder of what is kept beside the compiled code."""
+    monkeypatch.setattr(compiled_cache, "folders", lambda: (tmp_path,))
+    hand_arrays.cache_clear()
+    yield tmp_path
+    hand_arrays.cache_clear()
+
+
+def assert_same(one, other):
+    for name, a, b in zip(one._fields, one, other, strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+        assert numba.typeof(a) == numba.typeof(b), name
+
+
+def test_a_hands_arrays_are_made_once_and_read_afterwards(kept, monkeypatch):
+    made = hand_arrays(load_hand())
+    assert hand_arrays(load_hand()) is made
+    hand_arrays.cache_clear()
+    monkeypatch.setattr(module, "surface_points", None)
+    assert_same(hand_arrays(load_hand()), made)
+
+
+def test_a_damaged_file_of_a_hand_is_made_anew(kept):
+    made = hand_arrays(load_hand())
+    [path] = kept.iterdir()
+    content = path.read_bytes()
+    path.write_bytes(content[:-8])
+    hand_arrays.cache_clear()
+    assert_same(hand_arrays(load_hand()), made)
+    assert path.read_bytes() == content
+
+
+def test_a_change_of_the_hands_files_or_the_code_is_another_file(
+    kept, monkeypatch, tmp_path_factory
+):
+    hand = load_hand()
+    before = module._hand_key(hand)
+    models = tmp_path_factory.mktemp("models") / "hand"
+    shutil.copytree(hand.urdf_path.parent, models)
+    copy = replace(hand, urdf_path=models / hand.urdf_path.name)
+    assert module._hand_key(copy) == before
+    with next(models.rglob("*.yaml")).open("a") as file:
+        file.write("# edited\n")
+    assert module._hand_key(copy) != before
+    monkeypatch.setattr(module, "code_version", lambda *_: "later")
+    assert module._hand_key(hand) != before

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,12 @@ import pytest
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.scene.bullet_world import BulletWorld
+from gpis_grasp_planner.scene.bullet_world import (
+    BulletWorld,
+    bullet_client,
+    concave_bodies,
+    convex_body,
+)
 
 SIDE = 0.8
 
@@ -95,3 +102,47 @@ def test_contacts_are_those_of_the_bodies(world: BulletWorld, hand: HandDescript
     assert np.allclose(found.on_object[:, 2], SIDE / 2, atol=1e-6)
     assert (found.distances < 2e-4).all()
     assert len(world.contacts(0, 5e-5)) == 0
+
+
+def waves(n: int, rng: np.random.Generator, height: float = 0.01) -> TriangleMesh:
+    """A sheet of 2 (n - 1)^2 triangles over the unit square, a new one each time."""
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, n), np.linspace(-0.1, 0.1, n), indexing="ij")
+    z = -height * rng.random((n, n))
+    at = np.arange(n * n).reshape(n, n)
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    faces = np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
+    return TriangleMesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces.astype(np.int32))
+
+
+def resident_mib() -> float:
+    """Memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20
+
+
+def test_worlds_of_many_meshes_leave_no_memory_behind(rng: np.random.Generator) -> None:
+    """PyBullet keeps the lists it is given: 1 MiB a mesh of this size with a new list for each."""
+
+    def make(count: int) -> None:
+        for _ in range(count):
+            with bullet_client() as client:
+                concave_bodies(client, waves(80, rng))
+
+    make(10)
+    before = resident_mib()
+    make(40)
+    assert resident_mib() - before < 8.0
+
+
+def test_a_mesh_beyond_bullets_limit_of_indices_is_taken_in_pieces(
+    rng: np.random.Generator,
+) -> None:
+    mesh = waves(350, rng, height=0.0)
+    assert len(mesh.faces) > 524_288 / 3
+    with bullet_client() as client:
+        bodies = concave_bodies(client, mesh)
+        assert len(bodies) == 3
+        cube = convex_body(client, slab(0.0005))
+        for x, y in rng.uniform(-0.09, 0.09, (30, 2)):
+            client.resetBasePositionAndOrientation(cube, (x, y, 0.003), (0.0, 0.0, 0.0, 1.0))
+            rows = [r for body in bodies for r in client.getClosestPoints(cube, body, 0.01)]
+            assert min(r[8] for r in rows) == pytest.approx(0.0025, abs=2e-5)

@@ -63,3 +63,14 @@ def test_symmetric_and_positive_definite(kernel, length, rng):
     np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-13 * np.abs(K).max())
     eigenvalues = np.linalg.eigvalsh(K)
     assert eigenvalues[0] > -1e-13 * eigenvalues[-1]
+
+
+@pytest.mark.parametrize("kernel", sorted(kernels.KERNELS))
+def test_the_upper_half_is_that_of_the_whole(kernel, rng):
+    q = rng.normal(size=(9, 3))
+    arguments = kernels.KERNELS[kernel], 0.7, 1.3, 0.4
+    whole = kernels.covariance(*arguments, q, q)
+    half = np.full((36, 36), np.nan)
+    kernels.fill_upper_covariance(*arguments, q, half)
+    upper = np.triu_indices(36)
+    np.testing.assert_array_equal(half[upper], whole[upper])

@@ -85,3 +85,19 @@ def test_a_hopeless_covariance_is_an_error_and_no_nan():
     with pytest.raises(MeshError, match="not positive definite") as caught:
         patches.factorise(np.eye(3), broken)
     assert caught.value.code == ErrorCode.MESH_DEGENERATE
+
+
+def test_the_share_done_is_told_and_may_end_the_fit(shapes):
+    points, normals = shapes.sphere_samples(1500, 0.05)
+    tree, shares = cKDTree(points), []
+    fit_patches(points, normals, tree, SurfaceSettings(), shares.append)
+    assert shares[0] == 0.0
+    assert shares == sorted(shares)
+    assert shares[-1] < 1.0
+
+    def end(share):
+        if share > 0.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_patches(points, normals, tree, SurfaceSettings(), end)

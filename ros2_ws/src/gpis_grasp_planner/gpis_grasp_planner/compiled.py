@@ -16,7 +16,6 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -26,8 +25,7 @@ from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
-from gpis_grasp_planner.compiled_cache import folders
-from gpis_grasp_planner.whole_file import replace_file
+from gpis_grasp_planner.compiled_cache import contents, folders, write_kept
 
 _log = logging.getLogger(__name__)
 _CHECKSUM = 32
@@ -52,12 +50,12 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 def is_ready(task: str) -> bool:
     """Whether all that a task needs has been compiled for this machine, see :func:`mark_ready`."""
-    return any(_content(folder / f"ready-{task}") == _machine() for folder in folders())
+    return any(content == _machine() for content in contents(f"ready-{task}"))
 
 
 def mark_ready(task: str) -> None:
     """Note that all that a task needs lies on disk."""
-    _write(f"ready-{task}", _machine())
+    write_kept(f"ready-{task}", _machine())
 
 
 @contextmanager
@@ -109,14 +107,11 @@ class FunctionFiles(_Cache):
         """Compiled code of a signature, or None."""
         target_context.refresh()
         key = self._key(sig)
-        for folder in folders():
-            content = _content(folder / self._file(key))
-            if (
-                content is None
-                or hashlib.sha256(content[_CHECKSUM:]).digest() != content[:_CHECKSUM]
-            ):
+        for content in contents(self._file(key)):
+            checksum, body = content[:_CHECKSUM], content[_CHECKSUM:]
+            if hashlib.sha256(body).digest() != checksum:
                 continue
-            kept, payload = pickle.loads(content[_CHECKSUM:])
+            kept, payload = pickle.loads(body)
             if kept == key:
                 return CompileResult._rebuild(target_context, *pickle.loads(payload))
         return None
@@ -127,7 +122,7 @@ class FunctionFiles(_Cache):
             return
         key = self._key(sig)
         body = pickle.dumps((key, dumps(data._reduce())))
-        error = _write(self._file(key), hashlib.sha256(body).digest() + body)
+        error = write_kept(self._file(key), hashlib.sha256(body).digest() + body)
         if error is not None and not FunctionFiles._said:
             FunctionFiles._said = True
             _log.warning(
@@ -158,23 +153,3 @@ def _machine() -> bytes:
     """Everything outside the sources that compiled code depends on."""
     magic = cpu_target.target_context.codegen().magic_tuple()
     return repr((numba.__version__, sys.version_info[:2], magic)).encode()
-
-
-def _content(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except OSError:
-        return None
-
-
-def _write(name: str, content: bytes) -> OSError | None:
-    """Write a file into the first folder that takes it; the last error where none does."""
-    error: OSError | None = None
-    for folder in folders():
-        try:
-            replace_file(folder / name, content)
-        except OSError as failed:
-            error = failed
-        else:
-            return None
-    return error

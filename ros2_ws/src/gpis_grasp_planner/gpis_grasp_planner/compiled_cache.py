@@ -12,11 +12,15 @@ written, and nowhere where there is none.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
+
+from gpis_grasp_planner.whole_file import replace_file
 
 _PREFIX = "compiled-"
 _MARK = b"gpis_grasp_planner.compiled import"
@@ -41,6 +45,26 @@ def folders() -> tuple[Path, ...]:
     if chosen:
         return (Path(chosen) / (_PREFIX + sources_hash()),)
     return tuple(root / (_PREFIX + sources_hash()) for root in _roots())
+
+
+def contents(name: str) -> Iterator[bytes]:
+    """Contents of the files of a name, in the order of the folders; none that cannot be read."""
+    for folder in folders():
+        with contextlib.suppress(OSError):
+            yield (folder / name).read_bytes()
+
+
+def write_kept(name: str, content: bytes) -> OSError | None:
+    """Write a file into the first folder that takes it; the last error where none does."""
+    error: OSError | None = None
+    for folder in folders():
+        try:
+            replace_file(folder / name, content)
+        except OSError as failed:
+            error = failed
+        else:
+            return None
+    return error
 
 
 def remove_stale_caches() -> None:

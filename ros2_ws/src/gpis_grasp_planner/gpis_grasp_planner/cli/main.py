@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from gpis_grasp_planner import __version__
-from gpis_grasp_planner.cli import benchmark, hand, meshes, plan, render, settings, verify
+from gpis_grasp_planner.cli import benchmark, cache, hand, meshes, plan, render, settings, verify
 from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED
 from gpis_grasp_planner.errors import GraspPlannerError
 
@@ -23,6 +23,7 @@ COMMANDS = {
     "meshes": meshes,
     "hand": hand,
     "settings": settings,
+    "cache": cache,
     "benchmark": benchmark,
 }
 

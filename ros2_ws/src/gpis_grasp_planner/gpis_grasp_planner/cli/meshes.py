@@ -43,6 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
             )
         )
         notes += [f"{mesh_id}: {note}" for note in part.notes]
+    for name, reason in catalogue.refused():
+        notes.append(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
     headings = ("mesh ID", "size [mm]", "mass [kg]", "friction", "faces", "notes")
     cells = zip(*rows, strict=True) if rows else [()] * len(headings)
     tables.print_table(

@@ -56,8 +56,20 @@ def add_document(parser: argparse.ArgumentParser) -> None:
         metavar="MESH",
         help="the document's mesh, where it is not where it was: catalogue ID or file",
     )
-    parser.add_argument("--unit", choices=("m", "mm"), help="unit of that file")
+    add_mesh_file(parser)
     add_catalogue(parser)
+
+
+def add_mesh_file(parser: argparse.ArgumentParser) -> None:
+    """Add --unit and --body, which say how a mesh file outside of the catalogue is read."""
+    from gpis_grasp_planner.geometry.units import UNITS
+
+    parser.add_argument("--unit", choices=tuple(UNITS), help="unit of a mesh file")
+    parser.add_argument(
+        "--body",
+        metavar="NAME",
+        help="the one body of a mesh file that is the part: its name, or its number from 1",
+    )
 
 
 def setting_classes() -> dict[str, type[SettingsGroup]]:
@@ -176,7 +188,7 @@ def facts_of(source: str | None) -> dict[str, dict[str, Any]] | None:
 
 
 def find_part(
-    mesh: str, unit: str | None, catalogue: MeshCatalogue
+    mesh: str, unit: str | None, catalogue: MeshCatalogue, body: str | None = None
 ) -> tuple[Part, MeshSource | None]:
     """Load a part by catalogue ID or path, and say which file it was (None for an ID).
 
@@ -188,12 +200,14 @@ def find_part(
 
     path = Path(mesh)
     if os.sep in mesh or (path.suffix and path.is_file()):
-        return load_part(path, unit, catalogue.settings), MeshSource(str(path), unit)
-    if unit is not None:
-        raise RequestError(
-            f"--unit {unit} is for mesh files; '{mesh}' is an ID of the catalogue, whose YAML "
-            "file names its unit. Leave --unit out, or give the file's path (./...)."
-        )
+        part = load_part(path, unit, catalogue.settings, body=body)
+        return part, MeshSource(str(path), unit, body)
+    for option, value in (("--unit", unit), ("--body", body)):
+        if value is not None:
+            raise RequestError(
+                f"{option} {value} is for mesh files; '{mesh}' is an ID of the catalogue, whose "
+                f"YAML file says it. Leave {option} out, or give the file's path (./...)."
+            )
     return catalogue.load(mesh), None
 
 
@@ -209,14 +223,19 @@ def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> 
     catalogue = catalogue_of(arguments.meshes)
     source = document.mesh_source
     if arguments.mesh is not None:
-        part, _ = find_part(arguments.mesh, arguments.unit, catalogue)
+        part, _ = find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
     elif source is None:
         part = catalogue.load(document.result.mesh_id)
     else:
         path = Path(source.file)
         if not path.is_file():
             path = arguments.document.parent / path.name
-        part = load_part(path, arguments.unit or source.unit, catalogue.settings)
+        part = load_part(
+            path,
+            arguments.unit or source.unit,
+            catalogue.settings,
+            body=arguments.body or source.body,
+        )
     check_same_mesh(document.result, part)
     return part
 

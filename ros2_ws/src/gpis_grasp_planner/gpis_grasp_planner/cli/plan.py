@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--planner", default="dual", metavar="NAME", help="default: dual")
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
-    parser.add_argument("--unit", choices=("m", "mm"), help="unit of a mesh file")
+    options.add_mesh_file(parser)
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     output.check_writable(arguments.picture)
     settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
-    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue)
+    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
     request = PlanRequest(
         planner=arguments.planner,
         seed=arguments.seed,

@@ -1,16 +1,15 @@
 """Mesh IDs to parts: files of configured directories, and nothing outside them.
 
-An ID is the stem of a mesh file (``mug`` for ``mug.stl``), or its full name; where one
-directory holds ``mug.stl`` and ``mug.obj``, only the full names work. Of directories that know
-the same ID the first one counts. The directories are listed anew at each call, so that a file
-put there while the node runs is found, and a file is read once: what is parsed is what is hashed.
+An ID is the path of a mesh file in its directory without the ending (``mug`` for ``mug.stl``,
+``gearbox/planet`` for ``gearbox/planet.step``), or with it; where one folder holds ``mug.stl`` and
+``mug.obj``, only the full names work. Of directories that know the same ID the first one counts.
+The directories are listed anew at each call, so that a file put there while the node runs is
+found, and a file is read once: what is parsed is what is hashed.
 """
 
 from __future__ import annotations
 
 import difflib
-import re
-import stat
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,11 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
+from gpis_grasp_planner.geometry.catalogue_files import (
+    ID_PATTERN,
+    CatalogueFile,
+    files_of,
+    is_inside,
+    refused_files,
+    with_id,
+)
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-from gpis_grasp_planner.geometry.file_inspection import INSPECTORS
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.mesh_file import (
-    STEP_SUFFIXES,
+    OWN_UNIT_SUFFIXES,
     MeshReport,
     checked_suffix,
     parse_mesh,
@@ -30,10 +36,16 @@ from gpis_grasp_planner.geometry.mesh_file import (
 )
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.sidecar import MAX_SIDECAR_BYTES, Sidecar, parse_sidecar
+from gpis_grasp_planner.geometry.units import unit_advice
 
-__all__ = ["CatalogueSettings", "MeshCatalogue", "default_catalogue_directory", "load_part"]
+__all__ = [
+    "ID_PATTERN",
+    "CatalogueSettings",
+    "MeshCatalogue",
+    "default_catalogue_directory",
+    "load_part",
+]
 
-ID_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_-]|\.(?!\.)){0,63}", re.ASCII)
 SIDECAR_SUFFIXES = (".yaml", ".yml")
 NEAREST_IDS = 5
 
@@ -49,7 +61,7 @@ class MeshCatalogue:
     Parameters
     ----------
     directories : sequence of Path
-        Searched in this order, without their subdirectories.
+        Searched in this order, with their subdirectories; links to directories are not followed.
     settings : CatalogueSettings, optional
         Limits and defaults.
 
@@ -77,12 +89,18 @@ class MeshCatalogue:
         """All IDs that :meth:`load` would look up, sorted; full names only where stems clash."""
         found: dict[str, None] = {}
         for directory in self._directories:
-            stems = _files_by_stem(directory)
+            stems: dict[str, list[CatalogueFile]] = {}
+            for file in files_of(directory):
+                stems.setdefault(file.stem, []).append(file)
             for stem, files in stems.items():
                 if stem not in found:
                     names = [stem] if len(files) == 1 else [f.name for f in files]
                     found.update(dict.fromkeys(names))
         return sorted(found)
+
+    def refused(self) -> list[tuple[str, str]]:
+        """Mesh files that no ID can name, as (path in the directory, reason and cure); sorted."""
+        return sorted({file for d in self._directories for file in refused_files(d)})
 
     def load(self, mesh_id: str) -> Part:
         """Read, judge and return the part of an ID.
@@ -97,14 +115,14 @@ class MeshCatalogue:
         if ID_PATTERN.fullmatch(mesh_id) is None:
             raise RequestError(
                 f"Mesh ID {_shown(mesh_id)} is not allowed: an ID has 1 to 64 letters, digits, "
-                "'_', '-' or single '.', and starts with a letter or digit. Use an ID of the "
-                "catalogue.",
+                "'_', '-' or single '.', and starts with a letter or digit; '/' stands before the "
+                f"name in a folder. {self._there_all_the_same(mesh_id)}",
                 ErrorCode.INVALID_MESH_ID,
             )
         directory, path = self._find(mesh_id)
         _check_inside(path, directory, mesh_id)
         part = _load(path, mesh_id, None, self.settings, inside=directory)
-        others = [d for d in self._directories if d != directory and _matches(d, mesh_id)]
+        others = [d for d in self._directories if d != directory and with_id(d, mesh_id)]
         if others:
             note = f"{len(others)} later catalogue directories also hold '{mesh_id}'; not used."
             part = replace(part, notes=(*part.notes, note))
@@ -112,33 +130,53 @@ class MeshCatalogue:
 
     def _find(self, mesh_id: str) -> tuple[Path, Path]:
         for directory in self._directories:
-            files = _matches(directory, mesh_id)
+            files = with_id(directory, mesh_id)
             exact = [f for f in files if f.name == mesh_id]
             if exact or len(files) == 1:
-                return directory, (exact or files)[0]
+                return directory, (exact or files)[0].path
             if files:
                 names = ", ".join(f.name for f in files)
                 raise RequestError(
                     f"Mesh ID '{mesh_id}' is ambiguous; ask for one of {names}.",
                     ErrorCode.UNKNOWN_MESH,
                 )
+        # A supported name with an ending that is not, such as 'gear.iges'.
+        for name, reason in self.refused():
+            if mesh_id in (name, name.rpartition(".")[0]):
+                raise RequestError(
+                    f"Mesh ID '{mesh_id}' has a file, but {reason}.", ErrorCode.UNKNOWN_MESH
+                )
         known = self.ids()
         raise RequestError(
             f"Mesh ID '{mesh_id}' is unknown. {_advice(mesh_id, known)}", ErrorCode.UNKNOWN_MESH
         )
 
+    def _there_all_the_same(self, mesh_id: str) -> str:
+        for name, reason in self.refused():
+            if len(mesh_id) < 200 and mesh_id in (name, name.rpartition(".")[0]):
+                return f"A file of that name is there, but {reason}."
+        return "Use an ID of the catalogue."
+
 
 def load_part(
-    path: Path, unit: str | None = None, settings: CatalogueSettings | None = None
+    path: Path,
+    unit: str | None = None,
+    settings: CatalogueSettings | None = None,
+    *,
+    body: str | int | None = None,
 ) -> Part:
     """Load a plain mesh file, outside any catalogue; its ID is the stem of its name.
 
     Parameters
     ----------
     path : Path
-    unit : 'm' or 'mm', optional
-        Overrules the sidecar; None takes the sidecar's, then the default of the settings.
+    unit : str, optional
+        One of `units.UNITS`. Overrules the sidecar; None takes the sidecar's, then the default of
+        the settings.
     settings : CatalogueSettings, optional
+    body : str or int, optional
+        The name or the number (from 1) of the one body of the file that is the part. Overrules
+        the sidecar.
 
     Raises
     ------
@@ -146,7 +184,7 @@ def load_part(
         With the code of the defect.
     """
     path = Path(path)
-    return _load(path, path.stem, unit, settings or CatalogueSettings())
+    return _load(path, path.stem, unit, settings or CatalogueSettings(), body=body)
 
 
 def _load(
@@ -155,6 +193,7 @@ def _load(
     unit: str | None,
     settings: CatalogueSettings,
     inside: Path | None = None,
+    body: str | int | None = None,
 ) -> Part:
     suffix = checked_suffix(path.name)
     notes: list[str] = []
@@ -162,17 +201,29 @@ def _load(
     data = read_regular_file(path, settings.max_file_bytes)
     sidecar = _read_sidecar(path, mesh_id, inside)
     stated = unit or sidecar.unit
-    if suffix in STEP_SUFFIXES:
+    if suffix in OWN_UNIT_SUFFIXES:
         if stated is not None:
-            notes.append(f"The unit '{stated}' was not used: a STEP file names its own.")
+            notes.append(
+                f"The unit '{stated}' was not used: a {suffix[1:].upper()} file names its own."
+            )
     elif stated is None:
         notes.append(
-            f"No unit given: read in the default unit '{settings.default_unit}'; write "
-            "'unit: m' or 'unit: mm' in its YAML file."
+            f"No unit given: read in the default unit '{settings.default_unit}'; where it is "
+            f"another, {unit_advice('mm' if settings.default_unit == 'm' else 'm')}."
         )
     elif sidecar.unit not in (None, stated):
         notes.append(f"Unit '{stated}' as asked, though its YAML file says '{sidecar.unit}'.")
-    mesh, report = parse_mesh(data, suffix, stated or settings.default_unit, path.name, settings)
+    mesh, report = parse_mesh(
+        data,
+        suffix,
+        stated or settings.default_unit,
+        path.name,
+        settings,
+        scale=sidecar.scale or 1.0,
+        body=sidecar.body if body is None else body,
+    )
+    if sidecar.scale is not None:
+        notes.append(f"Scaled by {sidecar.scale:g} as its YAML file says.")
     return _part(mesh_id, mesh, report, sidecar, settings, notes)
 
 
@@ -236,37 +287,8 @@ def _read_sidecar(path: Path, mesh_id: str, inside: Path | None) -> Sidecar:
     return parse_sidecar(data, found[0].name)
 
 
-def _files_by_stem(directory: Path) -> dict[str, list[Path]]:
-    """Regular mesh files with allowed names that lie inside a directory, sorted."""
-    stems: dict[str, list[Path]] = {}
-    for path in _mesh_paths(directory):
-        if _inside(path, directory):
-            stems.setdefault(path.stem, []).append(path)
-    return stems
-
-
-def _matches(directory: Path, mesh_id: str) -> list[Path]:
-    return [p for p in _mesh_paths(directory) if mesh_id in (p.name, p.stem)]
-
-
-def _mesh_paths(directory: Path) -> list[Path]:
-    try:
-        paths = sorted(directory.iterdir())
-    except OSError:
-        return []  # a directory that went away knows no IDs
-    return [p for p in paths if p.suffix.lower() in INSPECTORS and ID_PATTERN.fullmatch(p.stem)]
-
-
-def _inside(path: Path, directory: Path) -> bool:
-    try:
-        resolved = path.resolve(strict=True)
-        return resolved.is_relative_to(directory) and stat.S_ISREG(resolved.stat().st_mode)
-    except (OSError, RuntimeError):
-        return False
-
-
 def _check_inside(path: Path, directory: Path, mesh_id: str) -> None:
-    if not _inside(path, directory):
+    if not is_inside(path, directory):
         raise RequestError(
             f"Mesh ID '{mesh_id}' does not name a regular file inside the catalogue (a link out "
             "of it, a pipe or a device). Put the file itself there.",

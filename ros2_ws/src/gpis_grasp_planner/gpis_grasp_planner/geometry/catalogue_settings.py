@@ -14,17 +14,17 @@ class CatalogueSettings(SettingsGroup):
 
     default_unit: str = setting(
         "m",
-        choices=("m", "mm"),
+        choices=("m", "cm", "mm", "um", "inch"),
         description="Unit of a mesh file that has no sidecar naming one; the answer says so.",
     )
     max_file_bytes: int = setting(
-        64_000_000,
+        600_000_000,
         low=1_000,
         high=2_000_000_000,
         description="Larger files are refused before they are read.",
     )
     max_faces: int = setting(
-        300_000,
+        2_000_000,
         low=100,
         high=10_000_000,
         description="Meshes with more triangles are refused, from the header where there is one.",

@@ -17,6 +17,7 @@ from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
 from gpis_grasp_planner.geometry.mass_properties import hull, signed_volume, volume_and_center
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.topology import bodies, faces_to_flip, find_edges
+from gpis_grasp_planner.geometry.units import check_extent
 from gpis_grasp_planner.geometry.winding import winding_numbers
 
 Array = NDArray[np.float64]
@@ -90,7 +91,7 @@ def judge(
     """
     notes: list[str] = []
     _check_content(vertices, parsed_faces, name)
-    _check_extent(vertices[np.unique(parsed_faces)], name, unit, settings)
+    check_extent(vertices[np.unique(parsed_faces)], name, unit, settings)
     vertices, faces = _merge_equal(vertices, parsed_faces)
     drop = drop_degenerate or settings.degenerate_faces == "drop"
     faces = _without_degenerate(vertices, faces, name, drop, notes)
@@ -131,27 +132,6 @@ def _check_content(vertices: Array, faces: RawFaces, name: str) -> None:
             f"limit is {ABSURD_COORDINATE_M:.0e} m. The file is damaged; export it again.",
             ErrorCode.MESH_EXTENT_IMPLAUSIBLE,
         )
-
-
-def _check_extent(points: Array, name: str, unit: str, settings: CatalogueSettings) -> None:
-    extent = points.max(axis=0) - points.min(axis=0)
-    largest = float(extent.max())
-    low, high = settings.min_extent_m, settings.max_extent_m
-    if low <= largest <= high:
-        return
-    cure = "Check the scale of the export."
-    if largest > high and unit == "m" and low <= largest / 1000.0 <= high:
-        cure = "The file is probably in millimetres: write 'unit: mm' in its YAML file."
-    elif largest < low and unit == "mm" and low <= largest * 1000.0 <= high:
-        cure = "The file is probably in metres: write 'unit: m' in its YAML file."
-    elif largest < low and low <= largest * 1000.0 <= high:
-        cure = "It was probably scaled from millimetres to metres twice: check the export."
-    size = " x ".join(f"{e:.4g}" for e in extent)
-    raise MeshError(
-        f"{name} measures {size} m (read in {unit}); the largest extent must be "
-        f"{low:g} to {high:g} m. {cure}",
-        ErrorCode.MESH_EXTENT_IMPLAUSIBLE,
-    )
 
 
 def _merge_equal(vertices: Array, faces: RawFaces) -> tuple[Array, Faces]:

@@ -1,56 +1,48 @@
-"""From the bytes of a mesh file to a mesh in metres; the only importer of trimesh.
+"""From the bytes of a mesh file to a mesh in metres.
 
-The bytes are judged first (:mod:`file_inspection`), then parsed, then held against what the
-inspection promised, then judged as a mesh (:mod:`defects`): the parser is trusted with nothing.
+Readers (:mod:`formats`) give what a file holds, or refuse it; here it is scaled, one body of
+several is chosen, and the result is judged as a mesh (:mod:`defects`).
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
-import logging
 import os
 import stat
-import subprocess
-import sys
-import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-from gpis_grasp_planner.geometry.file_inspection import INSPECTORS, inspect
-from gpis_grasp_planner.geometry.inspection_checks import Inspection
+from gpis_grasp_planner.geometry.formats.glb import read_glb
+from gpis_grasp_planner.geometry.formats.obj import read_obj
+from gpis_grasp_planner.geometry.formats.off import read_off
+from gpis_grasp_planner.geometry.formats.parsed_mesh import ParsedMesh, Piece
+from gpis_grasp_planner.geometry.formats.ply import read_ply
+from gpis_grasp_planner.geometry.formats.step import read_step
+from gpis_grasp_planner.geometry.formats.stl import read_stl
+from gpis_grasp_planner.geometry.formats.threemf import read_3mf
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.units import UNITS, known_units
 
 Array = NDArray[np.float64]
 
-UNITS = {"m": 1.0, "mm": 1e-3}
+READERS: dict[str, Callable[[bytes, str, int], ParsedMesh]] = {
+    ".stl": read_stl,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".off": read_off,
+    ".3mf": read_3mf,
+    ".glb": read_glb,
+}
 STEP_SUFFIXES = (".step", ".stp")
-STEP_TOLERANCE_MM = 0.1
-STEP_TOLERANCE_RAD = 0.2
-STEP_MEMORY_BYTES = 4 * 2**30
-
-# The whole program of the process that reads STEP. OpenCASCADE prints to the standard output,
-# which is kept for the result; cascadio does without trimesh, which takes two seconds to import.
-TESSELLATE = """
-import os, resource, sys
-result = os.fdopen(os.dup(1), "wb")
-os.dup2(2, 1)
-linear, angular, memory = float(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3])
-resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-sys.modules["trimesh"] = None
-import cascadio
-result.write(cascadio.load(sys.stdin.buffer.read(), file_type="step", tol_linear=linear,
-                           tol_angular=angular, use_parallel=False))
-result.flush()
-os._exit(0)  # not through destructors of shapes that may be damaged
-"""
+OWN_UNIT_SUFFIXES = (*STEP_SUFFIXES, ".3mf", ".glb")
+MESH_SUFFIXES = (*READERS, *STEP_SUFFIXES)
+_SHOWN_PIECES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,18 +80,28 @@ class MeshReport:
 
 
 def load_mesh(
-    path: Path, unit: str, settings: CatalogueSettings | None = None
+    path: Path,
+    unit: str,
+    settings: CatalogueSettings | None = None,
+    *,
+    scale: float = 1.0,
+    body: str | int | None = None,
 ) -> tuple[TriangleMesh, MeshReport]:
     """Read, judge and parse a mesh file.
 
     Parameters
     ----------
     path : Path
-        A regular file ending in .stl, .obj, .ply, .off, .step or .stp.
+        A regular file with one of the endings :data:`MESH_SUFFIXES`.
     unit : str
-        'm' or 'mm': the unit of the file's numbers. A STEP file names its own unit, which counts.
+        One of :data:`units.UNITS`: the unit of the file's numbers. A STEP, 3MF or GLB file names
+        its own unit, which counts.
     settings : CatalogueSettings, optional
         Limits; the defaults if None.
+    scale : float
+        The numbers are multiplied by it, whatever their unit.
+    body : str or int, optional
+        The name of one body of the file, or its number from 1; None for all as one part.
 
     Raises
     ------
@@ -109,16 +111,21 @@ def load_mesh(
     settings = settings or CatalogueSettings()
     suffix = checked_suffix(path.name)
     data = read_regular_file(path, settings.max_file_bytes)
-    return parse_mesh(data, suffix, unit, path.name, settings)
+    return parse_mesh(data, suffix, unit, path.name, settings, scale=scale, body=body)
 
 
 def checked_suffix(file_name: str) -> str:
     """The lower-case ending of a file name, or MESH_FORMAT_NOT_SUPPORTED."""
     suffix = Path(file_name).suffix.lower()
-    if suffix not in INSPECTORS:
+    if suffix not in MESH_SUFFIXES:
+        cure = "Convert it to one of these."
+        if suffix == ".gltf":
+            cure = "Export GLB, which holds all that a .gltf leaves in other files."
+        elif suffix in (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar"):
+            cure = "It is packed: unpack it."
         raise MeshError(
             f"{file_name!r} is no supported mesh format; supported are "
-            f"{', '.join(sorted(INSPECTORS))}. Convert it to one of these.",
+            f"{', '.join(sorted(MESH_SUFFIXES))}. {cure}",
             ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
         )
     return suffix
@@ -147,7 +154,7 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
         raise MeshError(f"{name!r} cannot be read: {reason}.") from None
     if len(data) > max_bytes:  # it has grown since
         raise _too_large(name, len(data), max_bytes)
-    if not data.strip():
+    if not data[:4096].strip() and not data.strip():
         raise MeshError(
             f"{name} is empty ({len(data)} bytes). Export it again.", ErrorCode.MESH_EMPTY
         )
@@ -155,133 +162,94 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
 
 
 def parse_mesh(
-    data: bytes, suffix: str, unit: str, name: str, settings: CatalogueSettings
+    data: bytes,
+    suffix: str,
+    unit: str,
+    name: str,
+    settings: CatalogueSettings,
+    *,
+    scale: float = 1.0,
+    body: str | int | None = None,
 ) -> tuple[TriangleMesh, MeshReport]:
     """Judge and parse the bytes of a mesh file; see :func:`load_mesh`."""
     from gpis_grasp_planner.geometry.defects import judge  # SciPy: 40 MB that the node saves
 
     if unit not in UNITS:
         raise MeshError(
-            f"{name}: the unit is {unit!r}; it must be 'm' or 'mm'.", ErrorCode.MESH_SIDECAR_INVALID
+            f"{name}: the unit is {unit!r}; it must be one of {known_units()}.",
+            ErrorCode.MESH_SIDECAR_INVALID,
         )
-    promise = inspect(data, suffix, name, settings.max_faces)
-    is_step = suffix in STEP_SUFFIXES
-    vertices, faces = _parse_step(data, name, settings) if is_step else _parse(data, suffix, name)
-    _check_promise(promise, faces, name, settings.max_faces)
-    scale = 1.0 if is_step else UNITS[unit]
+    parsed = _read(data, suffix, name, settings)
+    notes = list(parsed.notes)
+    faces = parsed.faces
+    if body is not None:
+        piece = _chosen(parsed, body, name)
+        faces = faces[piece.first : piece.end]
+        notes.append(f"Of {len(parsed.pieces)} bodies only '{piece.name}' is the part.")
+    metres = scale * (1.0 if parsed.own_unit else UNITS[unit])
     judged = judge(
-        vertices * scale,
+        parsed.vertices * metres,
         faces,
         name=name,
-        unit="its own unit" if is_step else unit,
+        unit="its own unit" if parsed.own_unit else unit,
         settings=settings,
-        drop_degenerate=is_step,
+        drop_degenerate=suffix in STEP_SUFFIXES,
     )
-    if not promise.ends_cleanly and not judged.watertight:
+    if parsed.doubt and not judged.watertight:
         raise MeshError(
-            f"{name} ends without a newline and its surface is open: it is probably truncated. "
-            "Export or copy it again; if it is whole, end its last line."
+            f"{name} is probably not whole: {parsed.doubt}, and its surface is open. Export or "
+            "copy it again."
         )
+    if body is None and len(parsed.pieces) > 1 and judged.bodies > 1:
+        notes.append(f"Its bodies are {_list(parsed.pieces)}; choose one by 'body' or --body.")
     report = MeshReport(
         file_format=suffix[1:],
-        unit="m" if is_step else unit,
+        unit="m" if parsed.own_unit else unit,
         file_sha256=hashlib.sha256(data).hexdigest(),
         watertight=judged.watertight,
         volume=judged.volume,
         center_of_volume=judged.center_of_volume,
         bodies=judged.bodies,
-        notes=judged.notes,
+        notes=(*notes, *judged.notes),
     )
     return judged.mesh, report
 
 
-def _parse(data: bytes, suffix: str, name: str) -> tuple[Array, NDArray[np.int64]]:
-    import trimesh
-
-    # It logs the tracebacks of what it tried first; what comes of it is judged here.
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-    # Materials would make it look for further files; processing would hide defects.
-    options: dict[str, Any] = {"process": False, "maintain_order": True}
-    if suffix == ".obj":
-        options["skip_materials"] = True
+def _read(data: bytes, suffix: str, name: str, settings: CatalogueSettings) -> ParsedMesh:
+    if suffix in STEP_SUFFIXES:
+        return read_step(data, name, settings.max_faces, settings.step_timeout_s)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of texture coordinates, not used
-            loaded: Any = trimesh.load(
-                io.BytesIO(data), file_type=suffix[1:], force="mesh", resolver=None, **options
-            )
-        return (
-            np.array(loaded.vertices, dtype=np.float64).reshape(-1, 3),
-            np.array(loaded.faces, dtype=np.int64).reshape(-1, 3),
-        )
-    except Exception as error:  # a parser fed with foreign bytes may raise anything
-        raise _not_parsed(name, error) from error
-
-
-def _parse_step(
-    data: bytes, name: str, settings: CatalogueSettings
-) -> tuple[Array, NDArray[np.int64]]:
-    """Tessellate a STEP file; OpenCASCADE converts its own unit to metres.
-
-    A damaged STEP file can crash OpenCASCADE, so it works in a process of its own, with a limit
-    on time and memory; starting that takes about half a second.
-    """
-    import trimesh
-
-    arguments = [str(STEP_TOLERANCE_MM), str(STEP_TOLERANCE_RAD), str(STEP_MEMORY_BYTES)]
-    try:
-        child = subprocess.run(
-            [sys.executable, "-c", TESSELLATE, *arguments],
-            input=data,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=settings.step_timeout_s,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
+        return READERS[suffix](data, name, settings.max_faces)
+    except MemoryError:
         raise MeshError(
-            f"{name} was not tessellated within {settings.step_timeout_s:g} s. Simplify it, or "
-            "convert it to STL, or raise the setting step_timeout_s."
-        ) from None
-    if child.returncode != 0 or not child.stdout:
-        raise MeshError(
-            f"{name} holds no shape that OpenCASCADE can read (its exit code was "
-            f"{child.returncode}). It is damaged; export it again, or convert it to STL."
-        )
-    try:
-        scene: Any = trimesh.load(io.BytesIO(child.stdout), file_type="glb", force="scene")
-        mesh = scene.to_mesh()
-        return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
-    except Exception as error:
-        raise _not_parsed(name, error) from error
-
-
-def _check_promise(
-    promise: Inspection, faces: NDArray[np.int64], name: str, max_faces: int
-) -> None:
-    if promise.triangles is not None and len(faces) != promise.triangles:
-        raise MeshError(
-            f"{name}: {promise.triangles} triangles were expected and {len(faces)} were read. "
-            "The file is damaged or of an unusual kind; export it again."
-        )
-    if len(faces) > max_faces:
-        raise MeshError(
-            f"{name} has {len(faces)} faces, the limit is {max_faces}. Simplify the mesh, or "
-            "raise the setting max_faces.",
+            f"{name} ({len(data)} bytes) needs more memory than there is. Simplify the mesh.",
             ErrorCode.MESH_TOO_LARGE,
-        )
+        ) from None
 
 
-def _not_parsed(name: str, error: Exception) -> MeshError:
-    return MeshError(
-        f"{name} cannot be parsed ({type(error).__name__}). It is damaged or not what its "
-        "ending says; export it again."
+def _chosen(parsed: ParsedMesh, body: str | int, name: str) -> Piece:
+    pieces = parsed.pieces or (Piece("body 1", 0, len(parsed.faces)),)
+    for piece in pieces:
+        if piece.name == body:
+            return piece
+    if str(body).isdecimal() and 1 <= int(body) <= len(pieces):
+        return pieces[int(body) - 1]
+    raise MeshError(
+        f"{name} has no body {str(body)[:80]!r}; its bodies are {_list(pieces)}. Give a name or a "
+        "number of these.",
+        ErrorCode.MESH_SIDECAR_INVALID,
     )
+
+
+def _list(pieces: tuple[Piece, ...]) -> str:
+    shown = ", ".join(f"{i} '{p.name}'" for i, p in enumerate(pieces[:_SHOWN_PIECES], start=1))
+    more = len(pieces) - _SHOWN_PIECES
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _too_large(name: str, size: int, limit: int) -> MeshError:
     return MeshError(
         f"{name} has {size} bytes, the limit is {limit}. Simplify the mesh, or raise the setting "
-        "max_file_bytes.",
+        "catalogue.max_file_bytes.",
         ErrorCode.MESH_TOO_LARGE,
     )

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 
+FRICTION_RANGE = (0.01, 5.0)  # of every coefficient, wherever it is given
+
 
 @dataclass(frozen=True)
 class Friction:

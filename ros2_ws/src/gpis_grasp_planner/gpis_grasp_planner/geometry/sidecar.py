@@ -18,13 +18,17 @@ import yaml
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.materials import MATERIALS
-from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
+from gpis_grasp_planner.geometry.units import UNITS, known_units
 
 MAX_SIDECAR_BYTES = 64_000
-KEYS = ("unit", "mass", "density", "center_of_mass", "friction", "material", "description")
+KEYS = (
+    "unit", "mass", "density", "center_of_mass", "friction", "material", "description", "scale",
+    "body",
+)  # fmt: skip
 MAX_MASS_KG = 1000.0
 MAX_DENSITY_KG_M3 = 30_000.0
-MAX_FRICTION = 10.0
+SCALE_RANGE = (1e-9, 1e9)
 MAX_COORDINATE_M = 10.0
 
 
@@ -34,11 +38,16 @@ class Sidecar:
 
     Attributes
     ----------
-    unit : 'm' or 'mm' or None
+    unit : str or None
+        One of `units.UNITS`.
     mass : float or None [kg]
     density : float or None [kg/m^3]; the material's if only that is named
     center_of_mass : (3,) array or None [m], in the mesh file's frame
     friction : Friction or None; the material's if only that is named
+    scale : float or None
+        The file's numbers are multiplied by it.
+    body : str or int or None
+        The name, or the number from 1, of the one body of the file that is the part.
     """
 
     unit: str | None = None
@@ -46,6 +55,8 @@ class Sidecar:
     density: float | None = None
     center_of_mass: np.ndarray[Any, np.dtype[np.float64]] | None = None
     friction: Friction | None = None
+    scale: float | None = None
+    body: str | int | None = None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -96,8 +107,8 @@ def parse_sidecar(data: bytes, name: str) -> Sidecar:
 
 def _sidecar(content: Mapping[str, Any], name: str) -> Sidecar:
     unit = content.get("unit")
-    if unit is not None and unit not in ("m", "mm"):
-        raise _invalid(name, f"has unit {reprlib.repr(unit)}; choose m or mm")
+    if unit is not None and (not isinstance(unit, str) or unit not in UNITS):
+        raise _invalid(name, f"has unit {reprlib.repr(unit)}; choose one of {known_units()}")
     if "mass" in content and "density" in content:
         raise _invalid(name, "gives both mass and density; keep one")
     material = content.get("material")
@@ -121,17 +132,47 @@ def _sidecar(content: Mapping[str, Any], name: str) -> Sidecar:
     center = content.get("center_of_mass")
     if not isinstance(content.get("description", ""), str):
         raise _invalid(name, "has a description that is not a text")
-    return Sidecar(unit, mass, density, None if center is None else _point(center, name), friction)
+    return Sidecar(
+        unit,
+        mass,
+        density,
+        None if center is None else _point(center, name),
+        friction,
+        _scale(content["scale"], name) if "scale" in content else None,
+        _body(content["body"], name) if "body" in content else None,
+    )
+
+
+def _scale(value: Any, name: str) -> float:
+    low, high = SCALE_RANGE
+    if not _is_number(value) or not low <= value <= high:
+        raise _invalid(name, f"has scale {reprlib.repr(value)}; it must be {low:g} to {high:g}")
+    return float(value)
+
+
+def _body(value: Any, name: str) -> str | int:
+    if isinstance(value, bool) or not isinstance(value, str | int) or value in ("", 0):
+        raise _invalid(
+            name, f"has body {reprlib.repr(value)}; give a body's name, or its number from 1"
+        )
+    return value
 
 
 def _friction(value: Any, name: str) -> Friction:
     if not isinstance(value, Mapping):
-        mu = _number(value, "friction", "", MAX_FRICTION, name)
+        mu = _coefficient(value, "friction", name)
         return Friction(mu, mu)
     if set(value) != {"finger", "palm"}:
         raise _invalid(name, "must give friction as one number, or as both finger and palm")
-    finger = _number(value["finger"], "friction of the finger", "", MAX_FRICTION, name)
-    return Friction(finger, _number(value["palm"], "friction of the palm", "", MAX_FRICTION, name))
+    finger = _coefficient(value["finger"], "friction of the finger", name)
+    return Friction(finger, _coefficient(value["palm"], "friction of the palm", name))
+
+
+def _coefficient(value: Any, what: str, name: str) -> float:
+    low, high = FRICTION_RANGE
+    if not _is_number(value) or not low <= value <= high:
+        raise _invalid(name, f"has {what} {reprlib.repr(value)}; it must be {low:g} to {high:g}")
+    return float(value)
 
 
 def _point(value: Any, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -6,6 +6,7 @@ takes some 5 ms per 1000 triangles; a nearest-point query 1 to 3 us.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 Array = NDArray[np.float64]
 
 _LEAF = 4
+_NODES_A_CALL = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +44,11 @@ class TriangleTree:
     child: NDArray[np.int64]
 
     @staticmethod
-    def of(mesh: TriangleMesh) -> TriangleTree:
-        """Split at the median of the longest side until a leaf has at most four triangles."""
+    def of(mesh: TriangleMesh, on_share: Callable[[float], None] = lambda _: None) -> TriangleTree:
+        """Split at the median of the longest side until a leaf has at most four triangles.
+
+        `on_share` is called every few ms with the share that is done, and may raise to end it.
+        """
         solid = mesh.face_areas > 0.0
         triangles = mesh.triangles[solid]
         normals = mesh.face_normals_outward[solid]
@@ -63,6 +68,8 @@ class TriangleTree:
             members = order[first:last]
             lower.append(low[members].min(axis=0))
             upper.append(high[members].max(axis=0))
+            if node % _NODES_A_CALL == 0:
+                on_share(1.0 - last / len(order))
             if last - first <= _LEAF:
                 child.append((-1 - first, last - first))
                 continue

@@ -89,7 +89,11 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
         "mesh_id": result.mesh_id,
         "mesh_source": None
         if mesh_source is None
-        else {"file": mesh_source.file, "unit": mesh_source.unit},
+        else {
+            "file": mesh_source.file,
+            "unit": mesh_source.unit,
+            **({} if mesh_source.body is None else {"body": mesh_source.body}),
+        },
         "mesh_hash": result.mesh_hash,
         "mesh_hash_recipe": HASH_RECIPE,
         "frame": FRAME,

@@ -17,6 +17,7 @@ import numpy as np
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.geometry.units import UNITS, known_units
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
@@ -48,10 +49,11 @@ _GRASP_FIELDS = frozenset(
 
 @dataclass(frozen=True)
 class MeshSource:
-    """A mesh file outside the catalogue: its path as it was given, and its unit if one was."""
+    """A mesh file outside the catalogue: its path as it was given, its unit and body if one was."""
 
     file: str
     unit: str | None = None
+    body: str | None = None
 
 
 def parse_document(data: bytes, name: str) -> dict[str, Any]:
@@ -183,11 +185,14 @@ def _friction(node: Node) -> Friction:
 
 
 def _mesh_source(node: Node) -> MeshSource:
-    source = node.object(frozenset({"file", "unit"}))
+    has_body = isinstance(node.value, dict) and "body" in node.value
+    source = node.object(frozenset({"file", "unit"} | ({"body"} if has_body else set())))
     unit = source["unit"].optional(Node.text)
-    if unit not in (None, "m", "mm"):
-        raise source["unit"].fail("'m', 'mm' or null")
-    return MeshSource(source["file"].text(), unit)
+    if unit is not None and unit not in UNITS:
+        raise source["unit"].fail(f"one of {known_units()}, or null")
+    return MeshSource(
+        source["file"].text(), unit, source["body"].optional(Node.text) if has_body else None
+    )
 
 
 def _place(node: Node) -> dict[str, Any]:

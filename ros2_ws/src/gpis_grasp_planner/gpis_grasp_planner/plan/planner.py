@@ -44,12 +44,24 @@ class GraspPlanner:
         self.hand = load_hand(hand)
         self._preparation = Preparation(self.settings)
 
-    def prepare(self, part: Part) -> PreparedObject:
+    def prepare(self, part: Part, monitor: Monitor | None = None) -> PreparedObject:
         """Fit the surface and sample the distance field of a part (0.3 to 1.5 s), once.
 
         May be called from several threads.
+
+        Raises
+        ------
+        PlanningError
+            CANCELLED or DEADLINE_EXCEEDED by the monitor; in the latter case the work goes on.
         """
-        return self._preparation.of(part)
+        if monitor is None:
+            return self._preparation.of(part)
+        with monitor.phase(Phase.PREPARING):
+            return self._preparation.of(
+                part,
+                should_stop=monitor.stopped,
+                late=lambda: monitor.left_s < 0.0,
+            )
 
     def answer(
         self,
@@ -91,6 +103,8 @@ class GraspPlanner:
             constraints with the search in PyBullet.
         PoseError
             INVALID_COVARIANCE.
+        PlanningError
+            CANCELLED or DEADLINE_EXCEEDED while the part was prepared.
         """
         check_planner(request.planner)
         place = place or Place()
@@ -102,8 +116,7 @@ class GraspPlanner:
                 "constraints; set it to 'compiled'."
             )
         notes = check_support(part, place, self.settings.clearance)
-        with monitor.phase(Phase.PREPARING):
-            prepared = self.prepare(part)
+        prepared = self.prepare(part, monitor)
         seeds: tuple[FinishedGrasp, ...] = ()
         if known is not None:
             earlier = self.known_answer(part, known, request, place, monitor)
@@ -127,8 +140,7 @@ class GraspPlanner:
         """Answer from an earlier plan alone, without a search; see `plan.placing.place_known`."""
         monitor = monitor or Monitor(request.time_budget_s)
         check_support(part, place, self.settings.clearance)
-        with monitor.phase(Phase.PREPARING):
-            prepared = self.prepare(part)
+        prepared = self.prepare(part, monitor)
         placing, hold = self._placing(part, prepared, request, place)
         return place_known(known, part, place, request, placing, hold, monitor)
 

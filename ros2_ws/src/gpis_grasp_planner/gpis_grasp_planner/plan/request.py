@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
-from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
@@ -20,7 +20,6 @@ from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
 GRASP_COUNT_RANGE = (1, 200)
-FRICTION_RANGE = (0.01, 5.0)
 DEFAULT_FRICTION = Friction(finger=0.6, palm=0.6)
 SEED_LIMIT = 2**63 - 1
 

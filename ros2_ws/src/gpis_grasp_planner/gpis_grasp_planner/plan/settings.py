@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.search.rival_settings import RivalSettings
@@ -39,6 +40,7 @@ class PlannerSettings:
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
     uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
+    cache: CacheSettings = field(default_factory=CacheSettings)
 
     @property
     def search(self) -> SearchSettings:

@@ -31,10 +31,12 @@ def fingerprint(directories: Sequence[Path], mesh_id: str, max_bytes: int) -> st
     """
     digest = hashlib.sha256()
     found = False
-    base = mesh_id.rpartition(".")[0] or mesh_id
+    folder, _, leaf = mesh_id.rpartition("/")
+    base = leaf.rpartition(".")[0] or leaf
     for directory in directories:
         try:
-            paths = sorted(p for p in directory.iterdir() if _belongs(p.name, mesh_id, base))
+            inside = (directory / folder).iterdir()
+            paths = sorted(p for p in inside if _belongs(p.name, leaf, base))
         except OSError:
             continue
         for path in paths:

@@ -47,6 +47,8 @@ class GraspPlannerNode(Node):
             default_catalogue_directory(),
         )
         catalogue = MeshCatalogue(directories)
+        for name, reason in catalogue.refused():
+            self.get_logger().warning(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
         hand = load_hand()
         self.supervisor = WorkerSupervisor(
             self._work_limits, lambda text: self.get_logger().warning(text)

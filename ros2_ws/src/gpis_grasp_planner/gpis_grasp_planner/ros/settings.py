@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 from gpis_grasp_planner.plan.request import (
-    FRICTION_RANGE,
     GRASP_COUNT_RANGE,
     SEED_LIMIT,
     TIME_BUDGET_RANGE_S,

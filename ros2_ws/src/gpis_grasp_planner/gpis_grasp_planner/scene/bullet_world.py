@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 
 Array = NDArray[np.float64]
+Faces = NDArray[np.integer[Any]]
 
 
 def _import_quietly() -> ModuleType:
@@ -48,6 +50,7 @@ def _import_quietly() -> ModuleType:
 pybullet = _import_quietly()
 
 HULL_MARGIN_M = 1e-5
+TRIANGLES_PER_BODY = 100_000
 _SAME_DISTANCE = 1.001
 
 
@@ -60,6 +63,7 @@ def bullet_data_directory() -> Path:
 def bullet_client() -> Iterator[BulletClient]:
     """A PyBullet client without a window; its memory is freed at the end."""
     client = BulletClient(pybullet.connect(pybullet.DIRECT))
+    client.setPhysicsEngineParameter(enableFileCaching=0)  # it would keep every file ever read
     try:
         yield client
     finally:
@@ -106,24 +110,68 @@ class ClosestPoints:
         return len(self.distances)
 
 
+class _Lists:
+    """The lists through which meshes go to PyBullet, always the same ones.
+
+    PyBullet (3.2.7) never gives back its references to the lists that it is handed: a new list
+    for each mesh would stay in memory for ever. The largest mesh so far sets the size of these.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._rows: list[list[float]] = []
+        self._vertices: list[list[float]] = []
+        self._indices: list[int] = []
+
+    def shape(self, client: BulletClient, vertices: Array, faces: Faces | None) -> int:
+        """A collision shape: the triangles, or the hull of the vertices where there are none."""
+        with self._lock:
+            self._rows.extend([0.0, 0.0, 0.0] for _ in range(len(vertices) - len(self._rows)))
+            for row, vertex in zip(self._rows, vertices.tolist(), strict=False):
+                row[:] = vertex
+            self._vertices[:] = self._rows[: len(vertices)]
+            indices = {}
+            if faces is not None:
+                self._indices[:] = faces.ravel().tolist()
+                indices["indices"] = self._indices
+            shape = client.createCollisionShape(
+                client.GEOM_MESH, vertices=self._vertices, **indices
+            )
+        return int(shape)
+
+
+_lists = _Lists()
+
+
+def hull_shape(client: BulletClient, points: Array) -> int:
+    """The collision shape of the convex hull of points (n, 3) [m]."""
+    return _lists.shape(client, points, None)
+
+
 def convex_body(client: BulletClient, piece: TriangleMesh) -> int:
     """A fixed body with the hull of a convex piece, at the origin."""
-    shape = client.createCollisionShape(client.GEOM_MESH, vertices=piece.vertices.tolist())
+    shape = hull_shape(client, piece.vertices)
     body = client.createMultiBody(baseMass=0.0, baseCollisionShapeIndex=shape)
     client.changeDynamics(body, -1, collisionMargin=HULL_MARGIN_M)
     return int(body)
 
 
-def concave_body(client: BulletClient, mesh: TriangleMesh) -> int:
-    """A fixed body with the triangles of a mesh, at the origin."""
-    shape = client.createCollisionShape(
-        client.GEOM_MESH,
-        vertices=mesh.vertices.tolist(),
-        indices=mesh.faces.ravel().tolist(),
-    )
-    body = client.createMultiBody(baseMass=0.0, baseCollisionShapeIndex=shape)
-    client.changeDynamics(body, -1, collisionMargin=0.0)
-    return int(body)
+def concave_bodies(client: BulletClient, mesh: TriangleMesh) -> list[int]:
+    """Fixed bodies with the triangles of a mesh, at the origin.
+
+    One for each `TRIANGLES_PER_BODY` triangles: PyBullet takes 174,762 of them and no more.
+    """
+    bodies = []
+    for first in range(0, len(mesh.faces), TRIANGLES_PER_BODY):
+        vertices, faces = mesh.vertices, mesh.faces[first : first + TRIANGLES_PER_BODY]
+        if len(faces) < len(mesh.faces):
+            used, faces = np.unique(faces, return_inverse=True)
+            vertices = vertices[used]
+        shape = _lists.shape(client, vertices, faces)
+        body = client.createMultiBody(baseMass=0.0, baseCollisionShapeIndex=shape)
+        client.changeDynamics(body, -1, collisionMargin=0.0)
+        bodies.append(int(body))
+    return bodies
 
 
 class BulletWorld:
@@ -163,7 +211,7 @@ class BulletWorld:
             [convex_body(self.client, piece) for piece in pieces]
             for pieces in self.hand.link_collision
         ]
-        self._object = concave_body(self.client, self.mesh)
+        self._object = concave_bodies(self.client, self.mesh)
         return self
 
     def __exit__(
@@ -210,7 +258,8 @@ class BulletWorld:
         return [
             row
             for body in self._bodies(link)
-            for row in self.client.getClosestPoints(body, self._object, distance)
+            for piece in self._object
+            for row in self.client.getClosestPoints(body, piece, distance)
         ]
 
     def closest(self, link: int, distance: float) -> ClosestPoints:

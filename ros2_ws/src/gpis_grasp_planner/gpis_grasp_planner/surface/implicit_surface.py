@@ -12,7 +12,9 @@ smoothly into the signed distance to the nearest sample (:mod:`.far_field`).
 from __future__ import annotations
 
 import math
-from typing import Self
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +35,7 @@ from gpis_grasp_planner.surface.patches import (
 from gpis_grasp_planner.surface.settings import SurfaceSettings
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _FEWEST_SAMPLES = 4
 
@@ -80,6 +83,7 @@ class ImplicitSurface:
         points_surface: ArrayLike,
         normals_outward: ArrayLike,
         settings: SurfaceSettings | None = None,
+        on_share: Callable[[float], None] = lambda _: None,
     ) -> Self:
         """Fit to surface samples and their outward normals.
 
@@ -90,6 +94,8 @@ class ImplicitSurface:
         normals_outward : (n, 3) array
             Of any positive length.
         settings : SurfaceSettings, optional
+        on_share : callable, optional
+            Called every few ms with the share that is done; what it raises ends the fit.
 
         Raises
         ------
@@ -107,7 +113,30 @@ class ImplicitSurface:
                 ErrorCode.MESH_DEGENERATE,
             )
         tree = cKDTree(points)
-        return cls(points, normals, tree, fit_patches(points, normals, tree, settings), settings)
+        patches = fit_patches(points, normals, tree, settings, on_share)
+        return cls(points, normals, tree, patches, settings)
+
+    def as_arrays(self) -> dict[str, Array | IntArray | float]:
+        """Everything that the fit found, by name, for :meth:`from_arrays`."""
+        return {
+            "points": self.points,
+            "normals_outward": self.normals_outward,
+            **{f"patches.{f.name}": getattr(self._patches, f.name) for f in fields(Patches)},
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], settings: SurfaceSettings) -> Self:
+        """The surface whose :meth:`as_arrays` these are, fitted with the same settings."""
+        patches: dict[str, Any] = {f.name: arrays[f"patches.{f.name}"] for f in fields(Patches)}
+        patches["jitter"] = float(patches["jitter"])
+        points = arrays["points"]
+        return cls(
+            points,
+            arrays["normals_outward"],
+            cKDTree(points),
+            Patches(**patches),
+            settings,
+        )
 
     @property
     def n_patches(self) -> int:
@@ -221,12 +250,18 @@ class ImplicitSurface:
 
 
 def fit_part(
-    part_mesh: TriangleMesh, settings: SurfaceSettings | None = None, seed: int = 0
+    part_mesh: TriangleMesh,
+    settings: SurfaceSettings | None = None,
+    seed: int = 0,
+    on_share: Callable[[float], None] = lambda _: None,
 ) -> ImplicitSurface:
-    """Sample a mesh evenly and fit its implicit surface; the seed decides the samples."""
+    """Sample a mesh evenly and fit its implicit surface; the seed decides the samples.
+
+    `on_share` is that of :meth:`ImplicitSurface.fit`.
+    """
     settings = settings or SurfaceSettings()
     points, normals = sampling.sample_surface(part_mesh, settings.n_samples, seed)
-    return ImplicitSurface.fit(points, normals, settings)
+    return ImplicitSurface.fit(points, normals, settings, on_share)
 
 
 def merge_duplicates(points: Array, normals: Array, tolerance: float) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.scene.bullet_world import BulletClient
+from gpis_grasp_planner.scene.bullet_world import BulletClient, hull_shape
 
 Array = NDArray[np.float64]
 
@@ -156,7 +156,7 @@ def add_hand(
         for hull in hulls[link]:
             body = client.createMultiBody(
                 baseMass=0.0,
-                baseCollisionShapeIndex=_hull_shape(client, hull),
+                baseCollisionShapeIndex=hull_shape(client, hull),
                 basePosition=position,
                 baseOrientation=quat_xyzw,
             )
@@ -172,7 +172,7 @@ def add_hand(
     fingers = client.createMultiBody(
         baseMass=0.0,
         linkMasses=[float(hand.link_mass[link]) for link in moving],
-        linkCollisionShapeIndices=[_hull_shape(client, hulls[link][0]) for link in moving],
+        linkCollisionShapeIndices=[hull_shape(client, hulls[link][0]) for link in moving],
         linkVisualShapeIndices=[-1] * n,
         linkPositions=positions,
         linkOrientations=orientations,
@@ -223,10 +223,6 @@ def add_object(
 def set_mass(client: BulletClient, body: int, mass: float, moments: Array) -> None:
     """Give a body a mass [kg] and principal moments (3,) per mass [m^2]."""
     client.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=(mass * moments).tolist())
-
-
-def _hull_shape(client: BulletClient, hull: Array) -> int:
-    return int(client.createCollisionShape(client.GEOM_MESH, vertices=hull.tolist()))
 
 
 def _obj_text(pieces: Sequence[Array]) -> str:
