@@ -92,10 +92,12 @@ def test_a_free_lane_is_used_even_with_a_queue_of_none(until: Any) -> None:
 def test_who_was_admitted_before_waits_beyond_the_bound(until: Any) -> None:
     queue, log = WorkQueue(lambda: 0), list[int]()
     search = Holder(queue, Lane.SEARCH, log, 0).start(until)
-    passed = threading.Event()
+    passed, call = threading.Event(), Call()
+    with queue.turn(Lane.KNOWN, call):
+        pass
 
     def again() -> None:
-        with queue.turn(Lane.SEARCH, Call(), admitted=True):
+        with queue.turn(Lane.SEARCH, call):
             passed.set()
 
     thread = threading.Thread(target=again)

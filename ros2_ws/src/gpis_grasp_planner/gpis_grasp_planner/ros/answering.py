@@ -37,6 +37,8 @@ class GraspAnswering:
     n_answers : int
     last_code, last_message
         Of the last answer.
+    last_answered : GraspRequest or None
+        The last request whose best grasp was published.
     """
 
     def __init__(
@@ -63,8 +65,17 @@ class GraspAnswering:
         self.n_answers = 0
         self.last_code = ErrorCode.SUCCESS
         self.last_message = ""
+        self.last_answered: GraspRequest | None = None
 
-    def answer(self, request: GraspRequest, response: Any, call: Call, name: str) -> None:
+    def answer(
+        self,
+        request: GraspRequest,
+        response: Any,
+        call: Call,
+        name: str,
+        *,
+        only_known: bool = False,
+    ) -> None:
         """Fill in a response; never raises.
 
         Parameters
@@ -74,11 +85,13 @@ class GraspAnswering:
         call : Call
         name : str
             Of the service or action, for the log.
+        only_known : bool
+            Answer from memory or not at all.
         """
         with self._count_lock:
             self.n_in_work += 1
         try:
-            self._answer(request, response, call)
+            self._answer(request, response, call, only_known)
         except GraspPlannerError as error:
             _fail(response, error.code, error.message)
         except Exception as error:
@@ -102,7 +115,7 @@ class GraspAnswering:
             f"{printable(response.message, 400)}"
         )
 
-    def _answer(self, request: GraspRequest, response: Any, call: Call) -> None:
+    def _answer(self, request: GraspRequest, response: Any, call: Call, only_known: bool) -> None:
         plan_request = check_request(
             request.seed,
             request.time_budget,
@@ -122,7 +135,8 @@ class GraspAnswering:
             approach=approach_of(request, pose, self._transform),
             forbidden=forbidden_of(request),
         )
-        delivered = self._plans.plan(request.mesh_id, plan_request, call, place)
+        ask = self._plans.known if only_known else self._plans.plan
+        delivered = ask(request.mesh_id, plan_request, call, place)
         if given is None and not delivered.from_cache:
             pose, planned_for = self._newer(request.mesh_id, pose), pose
             if pose is not planned_for:
@@ -147,7 +161,8 @@ class GraspAnswering:
             response.best_attempt = [attempt]
         response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
         if response.success:
-            self._publishers.publish(response.grasps[0])
+            self._publishers.publish(response.grasps)
+            self.last_answered = request
 
     def _in_frame(self, pose: ObjectPose, frame_id: str) -> ObjectPose:
         """The object's pose in the frame that the answer is wanted in; "" is its own."""

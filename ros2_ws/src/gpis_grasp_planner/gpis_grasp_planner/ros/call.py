@@ -20,11 +20,14 @@ class Call:
         When it came, by ``time.monotonic``.
     progress : Progress or None
         How far the work is by the last report, None before it has begun.
+    admitted : bool
+        Whether it has had a turn: it then waits for further ones, however many others do.
     """
 
     def __init__(self) -> None:
         self.start = time.monotonic()
         self.progress: Progress | None = None
+        self.admitted = False
         self._lock = threading.Lock()
         self._why = ""
         self._wake_ups: list[Callable[[], None]] = []

@@ -52,6 +52,11 @@ class PlanCache:
     def __len__(self) -> int:
         return len(self._plans)
 
+    def count(self, mesh_id: str) -> int:
+        """Plans of one mesh."""
+        with self._lock:
+            return sum(plan.mesh_id == mesh_id for plan in self._plans.values())
+
     def get(self, key: str, place: Place | None = None) -> Plan | None:
         """The plan made for surroundings like these, else the latest for any; it counts as used.
 

@@ -1,4 +1,4 @@
-"""The service plan_grasp."""
+"""The services plan_grasp, and get_grasps: the same without a search."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.request_reader import RequestReader
 
 SERVICE = "plan_grasp"
+KNOWN_SERVICE = "get_grasps"
 CLIENTS_PERIOD_S = 1.0
 
 
 class PlanGraspService:
-    """Offers plan_grasp; a request that nobody is left to hear the answer of is given up.
+    """Offers both; a request that nobody is left to hear the answer of is given up.
 
     Parameters
     ----------
@@ -34,15 +35,22 @@ class PlanGraspService:
         self._lock = threading.Lock()
         self._calls: set[Call] = set()
         self._seen_alone = False
-        RequestReader(node, PlanGrasp, SERVICE, self._answer, threads)
+        RequestReader(node, PlanGrasp, SERVICE, self._plan, threads)
+        RequestReader(node, PlanGrasp, KNOWN_SERVICE, self._known, threads)
         node.create_timer(CLIENTS_PERIOD_S, self._look_for_clients)
 
-    def _answer(self, request: Any, response: Any) -> None:
+    def _plan(self, request: Any, response: Any) -> None:
+        self._answer(request, response, SERVICE, only_known=False)
+
+    def _known(self, request: Any, response: Any) -> None:
+        self._answer(request, response, KNOWN_SERVICE, only_known=True)
+
+    def _answer(self, request: Any, response: Any, name: str, *, only_known: bool) -> None:
         call = Call()
         with self._lock:
             self._calls.add(call)
         try:
-            self._answering.answer(request, response, call, SERVICE)
+            self._answering.answer(request, response, call, name, only_known=only_known)
         finally:
             with self._lock:
                 self._calls.discard(call)
@@ -51,7 +59,7 @@ class PlanGraspService:
         # The middleware does not say whose request this is, only whether any client is left.
         with self._lock:
             calls = list(self._calls)
-        alone = bool(calls) and self._node.count_clients(SERVICE) == 0
+        alone = bool(calls) and not any(map(self._node.count_clients, (SERVICE, KNOWN_SERVICE)))
         if alone and self._seen_alone:
             for call in calls:
                 call.cancel("The client went away before its answer.")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.errors import ErrorCode, PlanningError
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN, CatalogueSettings, MeshCatalogue
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.call import Call
@@ -15,9 +15,17 @@ from gpis_grasp_planner.ros.mesh_source import check_directories, fingerprint
 from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.work_queue import Lane, WorkQueue
-from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder
+from gpis_grasp_planner.ros.worker.messages import (
+    DescribeOrder,
+    MeshFacts,
+    PlaceOrder,
+    Plan,
+    PlanOrder,
+)
 from gpis_grasp_planner.ros.worker.watch import PlanningProcess
 from gpis_grasp_planner.surroundings.place import Place
+
+_MOST_FACTS = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +68,7 @@ class PlanSource:
         self._settings = settings
         self._planning_values = planning_values
         self.cache = PlanCache(settings().plan_cache_size)
+        self._facts: dict[str, MeshFacts] = {}
 
     def check_mesh_id(self, mesh_id: str) -> None:
         """Refuse an ID that is not allowed or has no file, without opening or parsing one.
@@ -98,13 +107,13 @@ class PlanSource:
                 placed = self._placed(order, known, place or Place(), call)
             if placed.enough or placed.code == ErrorCode.CANCELLED:
                 return DeliveredPlan(placed, from_cache=True)
-        with self._queue.turn(Lane.SEARCH, call, admitted=known is not None):
+        with self._queue.turn(Lane.SEARCH, call):
             # Another request may have made the plan while this one waited.
             newer = self._known(order, place)
             if newer is not None and newer is not known:
                 if place is None and newer.place is None:
                     return DeliveredPlan(newer, from_cache=True)
-                with self._queue.turn(Lane.KNOWN, call, admitted=True):
+                with self._queue.turn(Lane.KNOWN, call):
                     placed = self._placed(order, newer, place or Place(), call)
                 if placed.enough or placed.code == ErrorCode.CANCELLED:
                     return DeliveredPlan(placed, from_cache=True)
@@ -123,13 +132,70 @@ class PlanSource:
         if delivered.plan.code != ErrorCode.SUCCESS:
             return delivered
         order = self._order(delivered.plan.mesh_id, request)
-        with self._queue.turn(Lane.KNOWN, call, admitted=True):
+        with self._queue.turn(Lane.KNOWN, call):
             placed = self._placed(order, delivered.plan, place, call)
         return DeliveredPlan(placed, delivered.from_cache)
 
-    def known(self, mesh_id: str, request: PlanRequest, place: Place | None = None) -> Plan | None:
-        """The plan in memory that a request would begin with, None where there is none."""
-        return self._known(self._order(mesh_id, request), place)
+    def known(
+        self, mesh_id: str, request: PlanRequest, call: Call, place: Place | None = None
+    ) -> DeliveredPlan:
+        """What is in memory for a request, for a place where one is given; nothing is searched.
+
+        Raises
+        ------
+        PlanningError
+            NOTHING_KNOWN.
+        GraspPlannerError
+            BUSY, or why there is no answer.
+        """
+        if place is not None and not place and not _depends_on_pose(request):
+            place = None
+        order = self._order(mesh_id, request)
+        known = self._known(order, place)
+        if known is None:
+            raise PlanningError(
+                f"No plan of '{mesh_id}' for this request is in memory. Ask plan_grasp for one.",
+                ErrorCode.NOTHING_KNOWN,
+            )
+        if place is None and known.place is None:
+            return DeliveredPlan(known, from_cache=True)
+        with self._queue.turn(Lane.KNOWN, call):
+            return DeliveredPlan(
+                self._placed(order, known, place or Place(), call), from_cache=True
+            )
+
+    def facts(self, mesh_id: str, call: Call, *, measure: bool) -> MeshFacts | None:
+        """Size and mass of a mesh: as read before, or read now where that is wanted.
+
+        Raises
+        ------
+        GraspPlannerError
+            Of the catalogue, or BUSY.
+        """
+        order = self._order(mesh_id, PlanRequest())
+        key = self._key(order)
+        if key not in self._facts and measure:
+            with self._queue.turn(Lane.KNOWN, call):
+                facts = self._process.describe(
+                    DescribeOrder(
+                        mesh_id,
+                        order.mesh_directories,
+                        order.request,
+                        order.settings,
+                        order.read_limit_s,
+                    ),
+                    call,
+                )
+            if len(self._facts) >= _MOST_FACTS:
+                self._facts.clear()
+            self._facts[key] = facts
+        return self._facts.get(key)
+
+    def listed(self) -> tuple[list[str], list[tuple[str, str]]]:
+        """IDs of the catalogue, and files that cannot be offered, each with the reason."""
+        check_directories(self._directories)
+        catalogue = MeshCatalogue(self._directories, self._catalogue_settings())
+        return catalogue.ids(), catalogue.refused()
 
     def _known(self, order: PlanOrder, place: Place | None) -> Plan | None:
         return self.cache.get(self._key(order), place)

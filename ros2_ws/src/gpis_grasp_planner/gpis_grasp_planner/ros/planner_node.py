@@ -15,6 +15,7 @@ from rclpy.node import Node
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.ros.answering import GraspAnswering
+from gpis_grasp_planner.ros.catalogue_service import CatalogueServices
 from gpis_grasp_planner.ros.diagnostics import Diagnostics
 from gpis_grasp_planner.ros.parameters import NodeParameters
 from gpis_grasp_planner.ros.plan_action import PlanGraspAction
@@ -25,6 +26,7 @@ from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.text import printable
 from gpis_grasp_planner.ros.tf_listener import TfListener
+from gpis_grasp_planner.ros.tracking import Tracking
 from gpis_grasp_planner.ros.work_queue import Lane, WorkQueue
 from gpis_grasp_planner.ros.worker.supervisor import WorkerSupervisor, WorkLimits
 from gpis_grasp_planner.ros.worker.watch import PlanningProcess
@@ -84,6 +86,11 @@ class GraspPlannerNode(Node):
         self.threads = ThreadPoolExecutor(self.n_threads, "request")
         self.service = PlanGraspService(self, self.answering, self.threads)
         self.action = PlanGraspAction(self, self.answering, lambda: self.parameters.node)
+        self.catalogue_services = CatalogueServices(
+            self, self.plans, self.poses, self.answering, self.threads
+        )
+        tracking = Tracking(lambda: self.parameters.node, self.answering, self.threads)
+        self.poses.on_estimate = tracking.on_estimate
         self.diagnostics = Diagnostics(
             self,
             settings.diagnostics_period_s,

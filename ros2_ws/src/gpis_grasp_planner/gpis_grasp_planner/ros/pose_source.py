@@ -48,6 +48,11 @@ class PoseSource:
     node : Node
     settings : callable
         Gives the node's settings at the moment of the call.
+
+    Attributes
+    ----------
+    on_estimate : callable
+        Called with the mesh ID of each good estimate, None for one that names no part.
     """
 
     def __init__(self, node: Node, settings: Callable[[], NodeSettings]) -> None:
@@ -57,6 +62,7 @@ class PoseSource:
         self._untagged: RawPose | None = None
         self._by_part: dict[str, RawPose] = {}
         self._last_warning_s = -WARNING_PERIOD_S
+        self.on_estimate: Callable[[str | None], None] = lambda _mesh_id: None
         if settings().pose_type == "pose_stamped":
             node.create_subscription(
                 PoseStamped, OBJECT_POSE_TOPIC, self._on_pose, qos_profile=ESTIMATE_QOS
@@ -121,6 +127,11 @@ class PoseSource:
             self._warn(note)
         return pose
 
+    def parts(self) -> list[str]:
+        """Mesh IDs of the parts that have an estimate by name, sorted."""
+        with self._lock:
+            return sorted(self._by_part)
+
     def names(self) -> str:
         """Which parts have an estimate, for people; at most twenty by name."""
         with self._lock:
@@ -165,6 +176,7 @@ class PoseSource:
             self._forget_old(raw.arrival_steady_s)
         try:
             self.checked(raw)
+            self.on_estimate(mesh_id)
         except GraspPlannerError as error:
             self._warn(error.message)
         except Exception as error:

@@ -150,6 +150,11 @@ class NodeSettings(SettingsGroup):
     plan_cache_size: int = setting(
         64, low=0, high=10_000, description="Plans kept in memory; the oldest go first."
     )
+    track: bool = setting(
+        False,
+        description="Whether the last grasp is published anew, from memory and checked against "
+        "the surroundings, when another estimate of its part comes.",
+    )
     workspace_radius_m: float = setting(
         100.0,
         low=0.1,

@@ -52,15 +52,14 @@ class WorkQueue:
             return self._n_waiting()
 
     @contextmanager
-    def turn(self, lane: Lane, call: Call, *, admitted: bool = False) -> Iterator[None]:
+    def turn(self, lane: Lane, call: Call) -> Iterator[None]:
         """Wait for the turn of a request; inside, nobody else works in this lane.
 
         Parameters
         ----------
         lane : Lane
         call : Call
-        admitted : bool
-            Whether it has had a turn before: it then waits, however many others do.
+            Admitted by its first turn.
 
         Raises
         ------
@@ -70,7 +69,7 @@ class WorkQueue:
             CANCELLED where it is not wanted any more before its turn.
         """
         with call.woken_by(self._wake):
-            self._enter(lane, call, admitted)
+            self._enter(lane, call)
         try:
             yield
         finally:
@@ -78,11 +77,11 @@ class WorkQueue:
                 self._running[lane] = None
                 self._changed.notify_all()
 
-    def _enter(self, lane: Lane, call: Call, admitted: bool) -> None:
+    def _enter(self, lane: Lane, call: Call) -> None:
         waiting = self._waiting[lane]
         with self._changed:
             free = self._running[lane] is None and not waiting
-            if not (free or admitted) and self._n_waiting() >= self._size():
+            if not (free or call.admitted) and self._n_waiting() >= self._size():
                 raise SystemFault(
                     f"The planning process is busy and {self._n_waiting()} requests wait; the "
                     f"limit is {self._size()} (parameter queue_size). Call again later.",
@@ -94,6 +93,7 @@ class WorkQueue:
                     lambda: call.cancelled or (waiting[0] is call and self._running[lane] is None)
                 )
                 call.check_wanted()
+                call.admitted = True
                 self._running[lane] = call
             finally:
                 waiting.remove(call)

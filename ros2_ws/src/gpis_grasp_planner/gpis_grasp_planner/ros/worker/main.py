@@ -24,8 +24,9 @@ from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.plan.warm_up import load_compiled, make_ready
 from gpis_grasp_planner.ros.worker.messages import (
     CancelOrder,
-    PlaceOrder,
+    MeshFacts,
     Plan,
+    PlanOrder,
     WorkerAccepted,
     WorkerAlive,
     WorkerProgress,
@@ -63,7 +64,7 @@ class OrderInbox:
                         self._unwanted[number].set()
                     continue
                 self._unwanted[number] = threading.Event()
-                kind = self.places if isinstance(message, PlaceOrder) else self.plans
+                kind = self.plans if isinstance(message, PlanOrder) else self.places
                 kind.put((number, message))
         except (EOFError, OSError):
             os._exit(0)
@@ -76,7 +77,7 @@ class OrderInbox:
                 time.sleep(ALIVE_PERIOD_S)
 
     def serve(
-        self, orders: queue.SimpleQueue[tuple[int, Any]], carry_out: Callable[..., Plan]
+        self, orders: queue.SimpleQueue[tuple[int, Any]], carry_out: Callable[..., Plan | MeshFacts]
     ) -> None:
         """Carry out orders of a queue, one after the other, for ever."""
         while True:
@@ -90,7 +91,7 @@ class OrderInbox:
             answer = answer_of(carry_out, order, report, unwanted.is_set)
             del self._unwanted[number]
             self.send(number, answer)
-            if not isinstance(order, PlaceOrder):
+            if isinstance(order, PlanOrder):
                 _give_memory_back()
 
 
@@ -135,7 +136,9 @@ def main() -> None:
     threading.Thread(target=inbox.say_alive, daemon=True).start()
     _warm_up()
     _give_memory_back()
-    threading.Thread(target=inbox.serve, args=(inbox.places, handler.place), daemon=True).start()
+    threading.Thread(
+        target=inbox.serve, args=(inbox.places, handler.from_known), daemon=True
+    ).start()
     inbox.send(0, WorkerReady())
     inbox.serve(inbox.plans, handler.make_plan)
 

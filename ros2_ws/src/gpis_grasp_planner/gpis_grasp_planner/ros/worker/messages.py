@@ -60,6 +60,25 @@ class PlaceOrder:
     read_limit_s: float = 60.0
 
 
+@dataclass(frozen=True)
+class DescribeOrder:
+    """Say what a mesh is; fields as in PlanOrder."""
+
+    mesh_id: str
+    mesh_directories: tuple[str, ...]
+    request: PlanRequest
+    settings: Mapping[str, Mapping[str, Any]]
+    read_limit_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """What a mesh is: size of its bounding box [m], mass [kg]."""
+
+    size: tuple[float, float, float]
+    mass: float
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """Grasps of one mesh in its own frame, best first, or the reason why there are none.

@@ -24,7 +24,14 @@ from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor, Phase, Progress
 from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
-from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder, WorkerError
+from gpis_grasp_planner.ros.worker.messages import (
+    DescribeOrder,
+    MeshFacts,
+    PlaceOrder,
+    Plan,
+    PlanOrder,
+    WorkerError,
+)
 from gpis_grasp_planner.ros.worker.parts import PartLoader
 from gpis_grasp_planner.surroundings.place import Place
 
@@ -73,6 +80,20 @@ class OrderHandler:
             record = zlib.compress(pickle.dumps(answer.result), _COMPRESSION)
             self._keep(record, part, answer.result)
         return replace(_plan_of(answer.result, monitor), record=record)
+
+    def from_known(
+        self,
+        order: PlaceOrder | DescribeOrder,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Plan | MeshFacts:
+        """Carry out an order that needs no search; raises as :meth:`place`."""
+        if isinstance(order, PlaceOrder):
+            return self.place(order, on_progress, should_stop)
+        monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
+        part = _load(self._parts_to_place, order, monitor)(order.mesh_id)
+        x, y, z = map(float, part.mesh.extent)
+        return MeshFacts((x, y, z), float(part.mass))
 
     def place(
         self,
@@ -134,7 +155,9 @@ class OrderHandler:
         return pickle.loads(zlib.decompress(record)) if kept is None else kept[1]
 
 
-def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
+def answer_of(
+    make: Callable[..., Plan | MeshFacts], *arguments: Any
+) -> Plan | MeshFacts | WorkerError:
     """Make a plan, or an error that can be sent: whatever happens, there is an answer."""
     try:
         return make(*arguments)
@@ -156,7 +179,7 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
 
 
 def _load(
-    loader: PartLoader, order: PlanOrder | PlaceOrder, monitor: Monitor
+    loader: PartLoader, order: PlanOrder | PlaceOrder | DescribeOrder, monitor: Monitor
 ) -> Callable[[str], Part]:
     """What loads a part by its mesh ID."""
     return partial(

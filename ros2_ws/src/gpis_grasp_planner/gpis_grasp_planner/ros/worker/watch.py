@@ -15,6 +15,8 @@ from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.work_queue import Lane
 from gpis_grasp_planner.ros.worker.link import Replies, WorkerLink
 from gpis_grasp_planner.ros.worker.messages import (
+    DescribeOrder,
+    MeshFacts,
     PlaceOrder,
     Plan,
     PlanOrder,
@@ -30,6 +32,7 @@ SILENCE_LIMIT_S = 5.0
 # After a cancel: what is finished within this time is answered, else nothing.
 CANCEL_WAIT_S = 0.2
 _LOOK_S = 0.5
+AnyOrder = PlanOrder | PlaceOrder | DescribeOrder
 PREPARATION = (Phase.READING, Phase.PREPARING)
 
 
@@ -88,7 +91,18 @@ class PlanningProcess:
         GraspPlannerError
             What the planner itself raised, with its code.
         """
-        lane = Lane.KNOWN if isinstance(order, PlaceOrder) else Lane.SEARCH
+        plan = self._carried_out(order, call)
+        assert isinstance(plan, Plan)
+        return plan
+
+    def describe(self, order: DescribeOrder, call: Call) -> MeshFacts:
+        """Have a mesh read and described; raises as :meth:`carry_out`."""
+        facts = self._carried_out(order, call)
+        assert isinstance(facts, MeshFacts)
+        return facts
+
+    def _carried_out(self, order: AnyOrder, call: Call) -> Plan | MeshFacts:
+        lane = Lane.SEARCH if isinstance(order, PlanOrder) else Lane.KNOWN
         limits, began = self._supervisor.limits(), time.monotonic()
         for retries_left in range(limits.retries, -1, -1):
             call.check_wanted()
@@ -106,12 +120,12 @@ class PlanningProcess:
 
     def _attempt(
         self,
-        order: PlanOrder | PlaceOrder,
+        order: AnyOrder,
         lane: Lane,
         call: Call,
         deadline: float,
         limits: WorkLimits,
-    ) -> Plan:
+    ) -> Plan | MeshFacts:
         link = self._ready_link(call, deadline)
         with self._supervisor.in_use(link):
             try:
@@ -128,14 +142,14 @@ class PlanningProcess:
 
     def _answer(
         self,
-        order: PlanOrder | PlaceOrder,
+        order: AnyOrder,
         lane: Lane,
         call: Call,
         deadline: float,
         limits: WorkLimits,
         link: WorkerLink,
         replies: Replies,
-    ) -> Plan:
+    ) -> Plan | MeshFacts:
         sent = time.monotonic()
         phase: Phase | None = None
         accept_by, cancelled_by = sent + ACCEPT_LIMIT_S, math.inf
@@ -166,7 +180,7 @@ class PlanningProcess:
             except (EOFError, OSError) as error:
                 raise _Lost(self._supervisor.lost(link)) from error
             match message:
-                case Plan():
+                case Plan() | MeshFacts():
                     return message
                 case WorkerError():
                     raise GraspPlannerError(message.message, message.code)
@@ -207,7 +221,7 @@ class PlanningProcess:
                     continue
                 except (EOFError, OSError):
                     break
-                if isinstance(message, Plan | WorkerError):
+                if isinstance(message, Plan | MeshFacts | WorkerError):
                     break
         self._left_over[lane] = None
         left.replies.close()
@@ -239,7 +253,7 @@ class PlanningProcess:
                 return link
 
 
-def _late(order: PlanOrder | PlaceOrder, limits: WorkLimits) -> PlanningError:
+def _late(order: AnyOrder, limits: WorkLimits) -> PlanningError:
     return PlanningError(
         f"There was no answer within the time budget of {order.request.time_budget_s:g} s and "
         f"{limits.grace_s:g} s of grace (parameter planning_grace_s). Try again, with fewer "
@@ -248,7 +262,7 @@ def _late(order: PlanOrder | PlaceOrder, limits: WorkLimits) -> PlanningError:
     )
 
 
-def _not_prepared(order: PlanOrder | PlaceOrder, limits: WorkLimits) -> PlanningError:
+def _not_prepared(order: AnyOrder, limits: WorkLimits) -> PlanningError:
     return PlanningError(
         f"The mesh was not read and prepared within the time budget of "
         f"{order.request.time_budget_s:g} s and {limits.grace_s:g} s of grace (parameter "
