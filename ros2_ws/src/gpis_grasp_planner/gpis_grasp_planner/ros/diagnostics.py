@@ -67,12 +67,21 @@ class Diagnostics:
         )
 
     def _level(self) -> tuple[bytes, str]:
-        """OK, WARN where requests are refused or lost, ERROR where none can be planned."""
-        code = self._answering.last_code
-        if self._supervisor.pid is None:
-            return DiagnosticStatus.ERROR, "the planning process does not run"
-        if not self._supervisor.ready:
-            return DiagnosticStatus.OK, "ready; the planning process is starting"
-        if code >= ErrorCode.BUSY:
-            return DiagnosticStatus.WARN, f"last answer: {code.name}"
-        return DiagnosticStatus.OK, "planning" if self._queue.n_running else "ready"
+        supervisor = self._supervisor
+        return level_of(
+            runs=supervisor.pid is not None,
+            ready=supervisor.ready,
+            planning=self._queue.n_running > 0,
+            last_code=self._answering.last_code,
+        )
+
+
+def level_of(*, runs: bool, ready: bool, planning: bool, last_code: ErrorCode) -> tuple[bytes, str]:
+    """ERROR where nothing can be planned, WARN where the last request met a fault, else OK."""
+    if not runs:
+        return DiagnosticStatus.ERROR, "the planning process does not run"
+    if last_code >= ErrorCode.BUSY:
+        return DiagnosticStatus.WARN, f"last answer: {last_code.name}"
+    if not ready:
+        return DiagnosticStatus.OK, "ready; the planning process is starting"
+    return DiagnosticStatus.OK, "planning" if planning else "ready"
