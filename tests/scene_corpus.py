@@ -118,5 +118,7 @@ THREEMF = {
     "bad index": Refused(d.threemf(d.model_xml(
         _PART.replace('v3="7"', 'v3="8"'), '<item objectid="1"/>')), ("8 vertices",),
         ErrorCode.MESH_BAD_INDEX),
-    "STL": Refused(d.binary_stl(BOX), ("ZIP",)),
+    "decimal comma": Refused(d.threemf(d.model_xml(
+        _PART.replace('x="80"', 'x="80,5"'), '<item objectid="1"/>')), ("decimal comma", "80,5")),
+    "STL": Refused(d.binary_stl(BOX), ("binary STL",)),
 }  # fmt: skip

@@ -136,6 +136,22 @@ def test_a_folder_that_can_only_be_read_is_read(
     assert len(list(own.iterdir())) == 1
 
 
+def test_a_disk_with_room_for_the_mark_alone_is_not_ready(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = Path.write_bytes
+
+    def nearly_full(self: Path, content: bytes) -> int:
+        if len(content) > 1000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(self, content)
+
+    monkeypatch.setattr(Path, "write_bytes", nearly_full)
+    assert njit(twice)(3) == 6
+    mark_ready("dual")
+    assert not is_ready("dual")
+
+
 def test_ready_is_said_of_this_machine_only(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not is_ready("dual")
     mark_ready("dual")

@@ -9,6 +9,7 @@ import pytest
 
 from gpis_grasp_planner import __version__
 from gpis_grasp_planner.cli import main as command
+from gpis_grasp_planner.cli.exit_codes import MEANINGS
 from gpis_grasp_planner.errors import SystemFault
 
 PACKAGE_ROOT = Path(command.__file__).parents[2]
@@ -39,12 +40,50 @@ def test_version(gpis_grasp) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [(), ("nonsense",), ("plan",), ("plan", "mug", "--seed", "x"), ("plan", "mug", "--unit", "in")],
+    [
+        (),
+        ("nonsense",),
+        ("plan",),
+        ("plan", "mug", "--seed", "x"),
+        ("plan", "mug", "--unit", "furlong"),
+    ],
 )
 def test_wrong_usage_is_2(gpis_grasp, arguments: tuple[str, ...]) -> None:
     answer = gpis_grasp(*arguments)
     assert answer.code == 2
-    assert "usage:" in answer.err
+    assert answer.out == ""
+    [line] = answer.err.splitlines()
+    assert line.startswith("gpis-grasp")
+    assert line.endswith("--help' shows the usage.")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("plann", "mug"), "Did you mean plan?"),
+        (("plan", "mug", "--tiem", "2", "--grasp", "3"), "Did you mean --time?"),
+        (("plan", "mug", "--verify", "requir"), "Did you mean require?"),
+        (("hand", "--urfd"), "Did you mean --urdf?"),
+        (("completion", "tcsh"), "(choose from 'bash', 'zsh', 'fish')"),
+    ],
+)
+def test_wrong_usage_says_what_was_meant(
+    gpis_grasp, arguments: tuple[str, ...], meant: str
+) -> None:
+    answer = gpis_grasp(*arguments)
+    assert answer.code == 2
+    assert meant in answer.err
+    assert f"gpis-grasp {arguments[0]}: error" in answer.err or arguments[0] == "plann"
+
+
+def test_help_names_commands_codes_and_examples(gpis_grasp) -> None:
+    text = gpis_grasp("--help").out
+    assert max(map(len, text.splitlines())) < 80
+    for name in command.COMMANDS:
+        assert f"\n    {name}" in text
+    for code, meaning in MEANINGS.items():
+        assert f"\n  {code:<3} {meaning}" in text
+    assert "examples:" in text
 
 
 def test_help_loads_nothing_heavy() -> None:
@@ -56,6 +95,47 @@ def test_help_loads_nothing_heavy() -> None:
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.splitlines()[-1] == ""
+
+
+@pytest.mark.parametrize("debug", [[], ["--debug"]])
+def test_an_error_of_the_program_is_one_line_and_says_how_to_see_more(
+    gpis_grasp, monkeypatch: pytest.MonkeyPatch, debug: list[str]
+) -> None:
+    def fail(arguments) -> int:
+        raise KeyError("png\nno such key")
+
+    monkeypatch.setattr(command.hand, "run", fail)
+    answer = gpis_grasp("hand", *debug)
+    assert answer.code == 1
+    *trace, line = answer.err.splitlines()
+    assert line.startswith("gpis-grasp: error: KeyError: 'png")
+    assert "--debug" in line
+    assert bool(trace) == bool(debug)
+    assert gpis_grasp(*debug, "hand").err.count("Traceback") == len(debug)
+
+
+@pytest.mark.parametrize(
+    ("words", "loaded"),
+    [
+        ("hand --urdf", {"numpy", "yaml"}),
+        ("hand --json", {"numpy", "yaml"}),
+        ("settings --advanced", {"numpy"}),
+        ("completion zsh", set()),
+        ("plan nothere.step", {"numpy", "yaml"}),
+        ("plan mug --set hpp.bunch=3", {"numpy", "yaml"}),
+    ],
+)
+def test_commands_load_only_what_they_need(words: str, loaded: set[str]) -> None:
+    run = run_python(
+        "import contextlib, io, sys\n"
+        "from gpis_grasp_planner.cli.main import main\n"
+        "with contextlib.redirect_stdout(io.StringIO()):\n"
+        f"    main({words.split()!r})\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'rich', 'yaml', 'trimesh', 'pybullet', 'matplotlib'}\n"
+        "print(*sorted(heavy & set(sys.modules)))"
+    )
+    assert run.returncode == 0, run.stderr
+    assert set(run.stdout.split()) <= loaded
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
@@ -12,6 +13,11 @@ def test_the_shipped_parts_are_listed(gpis_grasp) -> None:
     for mesh_id in catalogue.ids():
         [line] = [row for row in answer.out.splitlines() if row.split()[:1] == [mesh_id]]
         assert f"{catalogue.load(mesh_id).mass:.3f}" in line
+    facts = {one["id"]: one for one in json.loads(gpis_grasp("meshes", "--json").out)}
+    assert list(facts) == catalogue.ids()
+    mug = catalogue.load("mug")
+    assert facts["mug"]["mesh_hash"] == mug.mesh.content_hash
+    assert facts["mug"]["mass_kg"] == mug.mass
     assert "size [mm]" in answer.out
     assert "mass [kg]" in answer.out
 
@@ -23,6 +29,9 @@ def test_a_bad_mesh_is_listed_with_its_fault(gpis_grasp, tmp_path: Path) -> None
     answer = gpis_grasp("meshes", "--meshes", tmp_path, "--set", "catalogue.default_unit=mm")
     assert answer.code == 1
     assert "MESH_EMPTY" in answer.out
+    listed = gpis_grasp("meshes", "--meshes", tmp_path, "--json")
+    assert listed.code == 1
+    assert [one.get("error") for one in json.loads(listed.out)] == ["MESH_EMPTY", None]
     assert "119 x 84 x 95" in answer.out
 
 

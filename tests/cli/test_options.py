@@ -51,9 +51,11 @@ def test_set_goes_over_the_file_and_both_over_the_defaults(tmp_path: Path) -> No
         ("batch=3", "group.name=value"),
         ("hpp.batch", "group.name=value"),
         ("hop.batch=3", "hpp"),
-        ("hpp.bunch=3", "batch"),
-        ("hpp.batch=many", "int"),
-        ("hpp.batch=1.5", "int"),
+        ("hpp.bunch=3", r"'hpp.bunch'. Nearest: hpp.batch"),
+        ("scene.batch=3", "hpp.batch"),
+        ("hpq.batch=3", "nearest is hpp"),
+        ("hpp.batch=many", "takes a whole number"),
+        ("hpp.batch=1.5", "a whole number"),
         ("hpp.batch=0", r"\[1, 64\]"),
         ("hpp.xi=nan", "finite"),
         ("verification.mass_kg=0", "mass_kg"),
@@ -109,6 +111,8 @@ def test_an_id_and_a_path_to_the_same_mesh(tmp_path: Path, monkeypatch: pytest.M
     ("mesh", "unit", "code"),
     [
         ("mugg", None, ErrorCode.UNKNOWN_MESH),
+        ("nothere.step", None, ErrorCode.MESH_UNREADABLE),
+        ("NOTHERE.STL", "mm", ErrorCode.MESH_UNREADABLE),
         ("./nothing.stl", None, ErrorCode.MESH_UNREADABLE),
         ("mug", "mm", ErrorCode.INVALID_SETTING),
         ("../mug", None, ErrorCode.MESH_FORMAT_NOT_SUPPORTED),
@@ -118,3 +122,18 @@ def test_a_mesh_that_is_not_there(mesh: str, unit: str | None, code: ErrorCode) 
     with pytest.raises(GraspPlannerError) as caught:
         find_part(mesh, unit, catalogue_of(None))
     assert caught.value.code == code
+
+
+def test_a_file_that_is_missing_is_a_file_and_the_nearest_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "housing.step").write_bytes(b"")
+    monkeypatch.chdir(tmp_path)
+    for mesh, word in [
+        ("housng.step", r"No such file: housng.step. Did you mean housing.step\?"),
+        (str(tmp_path / "housng.step"), r"Did you mean .*/housing.step\?"),
+        ("./parts/a.stl", "no directory parts"),
+        ("teapot.ply", "Check the path"),
+    ]:
+        with pytest.raises(GraspPlannerError, match=word):
+            find_part(mesh, None, catalogue_of(None))

@@ -172,7 +172,10 @@ def test_a_bad_place_is_1_with_a_reason(
         (("plan", "mug", "--set", "hpp.batch=0"), "batch"),
         (("plan", "mug", "--settings", "nowhere.yaml"), "nowhere.yaml: No such file"),
         (("plan", "mug", "--json", "nowhere/a.json"), "needs the directory nowhere"),
-        (("plan", "mug", "--picture", "."), "is a directory"),
+        (("plan", "mug", "--picture", "nowhere/a.png"), "needs the directory nowhere"),
+        (("plan", "mug", "--picture", "best"), "no suffix, which names the format. Write best.png"),
+        (("plan", "mug", "--picture", "a.foo"), "unknown suffix .foo"),
+        (("plan", "nothere.step"), "No such file: nothere.step"),
         (("plan", "mug", "--meshes", "nowhere"), "'nowhere' does not exist"),
     ],
 )

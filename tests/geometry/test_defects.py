@@ -121,7 +121,7 @@ def test_two_separate_bodies_are_one_part(write):
 def test_one_inverted_body_of_two_is_turned(write):
     found = judged(*two_boxes(write, (0.1, 0, 0), inverted=True))
     assert found.volume == pytest.approx(2 * 0.05**3)
-    assert found.notes[0] == "12 faces looked inwards and were turned (inverted mesh)."
+    assert found.notes[0] == "12 faces looked inwards and were turned."
 
 
 def test_a_cavity_stays_a_cavity(write):
@@ -179,19 +179,50 @@ def test_a_double_sheet_takes_its_hull(write):
 
 def test_a_mesh_of_nothing_but_thin_faces_is_refused():
     vertices = [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]]
-    assert refused(vertices, [[0, 1, 2]]).code == ErrorCode.MESH_DEGENERATE
-    with pytest.raises(MeshError, match="none of its 1 faces"):
-        judged(vertices, [[0, 1, 2]], degenerate_faces="drop")
+    error = refused(vertices, [[0, 1, 2]])
+    assert error.code == ErrorCode.MESH_DEGENERATE
+    assert "none of its 1 faces has an area" in error.message
 
 
-def test_a_soup_of_loose_pieces_is_refused(write):
-    """Bounded work: thousands of bodies would each be judged against all others."""
-    shifts = 0.001 * np.arange(201)[:, None, None] * np.ones(3)
+def box_with_slivers(write, count):
+    """A box with vertices on one edge that only one of its sides knows: caps close the rest."""
+    vertices, faces = write.box_arrays()
+    first = faces[0]  # its edge a-b is cut into count + 1 pieces, and each cut closed by a cap
+    a, b, c = first
+    cuts = [
+        vertices[a] + (vertices[b] - vertices[a]) * k / (count + 1) for k in range(1, count + 1)
+    ]
+    on_edge = [a, *range(len(vertices), len(vertices) + count), b]
+    fan = [(on_edge[k], on_edge[k + 1], c) for k in range(count + 1)]
+    caps = [(on_edge[k + 1], on_edge[k], b) for k in range(count)]
+    return np.vstack([vertices, cuts]), np.vstack([faces[1:], fan, caps])
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 40])
+def test_slivers_are_taken_out_of_a_closed_surface_and_it_stays_closed(write, count):
+    vertices, faces = box_with_slivers(write, count)
+    assert find_edges(faces).closed
+    found = judged(vertices, faces)
+    assert found.watertight
+    assert found.volume == pytest.approx(np.prod(write.box_size), rel=1e-12)
+    assert found.notes == (f"{count} faces without area were dropped.",)
+    assert find_edges(found.mesh.faces).uses.max() == 2
+    strict = CatalogueSettings(degenerate_faces="refuse")
+    with pytest.raises(MeshError, match="has no area"):
+        judge(vertices, faces, name="part.stl", unit="m", settings=strict)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_many_loose_pieces_are_fine(write, inverted):
+    """Engraved text and knurls: hundreds of bodies."""
+    shifts = 0.001 * np.arange(301)[:, None, None] * np.ones(3)
     vertices, faces = write.box_arrays((0.0005, 0.0005, 0.0005))
     many = (vertices[None] + shifts).reshape(-1, 3)
-    error = refused(many, (faces[None] + 8 * np.arange(201)[:, None, None]).reshape(-1, 3))
-    assert error.code == ErrorCode.MESH_DEGENERATE
-    assert "201 unconnected pieces, the limit is 200" in error.message
+    faces = (faces[None] + 8 * np.arange(301)[:, None, None]).reshape(-1, 3)
+    found = judged(many, faces[:, ::-1] if inverted else faces)
+    assert found.bodies == 301
+    assert found.volume == pytest.approx(301 * 0.0005**3)
+    assert found.notes[-1] == "301 separate bodies are planned on as one rigid part."
 
 
 def test_empty_and_bad_indices():

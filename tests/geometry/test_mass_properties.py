@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial import QhullError
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.geometry.mass_properties import hull, signed_volume, volume_and_center
+from gpis_grasp_planner.geometry.mass_properties import (
+    fans_across_holes,
+    hull,
+    signed_volume,
+    volume_and_center,
+)
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.topology import find_edges
 
 
 def test_tetrahedron():
@@ -53,3 +60,20 @@ def test_flat_points_have_no_hull(write):
     vertices[:, 2] = 0.0
     with pytest.raises(QhullError):
         hull(TriangleMesh(vertices, faces.astype(np.int32)))
+
+
+def test_fans_close_flat_holes_exactly_and_round_ones_nearly(write, rng):
+    vertices, faces = write.box_arrays()
+    for gone in ([0], [0, 1], [2, 3], [7]):
+        kept = np.delete(faces, gone, axis=0)
+        fans = fans_across_holes(vertices, find_edges(kept.astype(np.int32)))
+        closed = np.concatenate([vertices[kept], fans])
+        for shift in (0.0, 1.0):
+            assert signed_volume(closed + shift) == pytest.approx(np.prod(write.box_size), rel=1e-9)
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    for _ in range(10):
+        kept = np.delete(np.asarray(ball.faces), rng.integers(len(ball.faces), size=6), axis=0)
+        fans = fans_across_holes(ball.vertices, find_edges(kept.astype(np.int32)))
+        volume, center = volume_and_center(np.concatenate([ball.vertices[kept], fans]))
+        assert volume == pytest.approx(ball.volume, rel=2e-3)
+        np.testing.assert_allclose(center, 0.0, atol=1e-4)

@@ -192,7 +192,7 @@ def test_a_face_without_area_is_named(name, write, mesh_path):
     vertices, faces = write.box_arrays()
     faces = np.vstack([faces, [[3, 3, 5]]])
     path = mesh_path(getattr(write, FORMATS[name])(vertices, faces), name)
-    error = refused(path)
+    error = refused(path, limits=CatalogueSettings(degenerate_faces="refuse"))
     assert error.code == ErrorCode.MESH_DEGENERATE
     assert "face 13 " in error.message
     _, report = load_mesh(path, "m", CatalogueSettings(degenerate_faces="drop"))

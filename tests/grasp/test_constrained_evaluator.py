@@ -32,10 +32,10 @@ def plain_evaluator(planner, part):
     )
 
 
-def evaluators(planner, part):
+def evaluators(planner, part, table=TABLE):
     plain = plain_evaluator(planner, part)
     retreat = planner.settings.scene.retreat_m
-    table = SupportConstraint(planner.hand, TABLE, SETTINGS.margin_m, retreat)
+    table = SupportConstraint(planner.hand, table, SETTINGS.margin_m, retreat)
     return plain, ConstrainedEvaluator(plain, planner.hand, (table,), retreat)
 
 
@@ -54,7 +54,8 @@ def test_attempts_are_the_plain_ones_less_the_blocked(planner, sphere, ball_gras
     plain, table = evaluators(planner, sphere)
     assert isinstance(table, PostureEvaluator)
     T, spread = ball_grasps
-    before, after = plain.attempt(T, spread), table.attempt(T, spread)
+    joints = open_postures(planner.hand, spread)
+    before, after = plain.attempt_from(T, joints), table.attempt_from(T, joints)
     blocked = after.status == AttemptStatus.BLOCKED
     assert 0 < table.screened["support"] < blocked.sum() < len(T)
     assert table.blocked.total() + table.screened.total() == blocked.sum()
@@ -68,14 +69,35 @@ def test_attempts_are_the_plain_ones_less_the_blocked(planner, sphere, ball_gras
     assert (before.epsilon[blocked] > 0.0).all()
     assert (after.objective(0.1)[blocked] == 0.0).all()
     np.testing.assert_array_equal(after.T_object_palm, T)
-    np.testing.assert_array_equal(after.spread, spread)
+    np.testing.assert_allclose(after.spread, spread, atol=1e-12)
+
+
+def test_a_narrow_start_ends_in_the_same_grasp(planner, sphere, ball_grasps):
+    """What is free only from a narrow start is the grasp that open fingers would have made."""
+    # The ball is held up so far that closed fingers reach round it, and open ones the table.
+    low = SupportPlane(np.array([0.0, 0.0, -2.0 * RADIUS]), np.array([0.0, 0.0, 1.0]))
+    plain, table = evaluators(planner, sphere, low)
+    T, spread = ball_grasps
+    opened = open_postures(planner.hand, spread)
+    wide, free = table.attempt_from(T, opened), table.attempt(T, spread)
+    good = free.status == AttemptStatus.GRASPED
+    narrow = good & (wide.status == AttemptStatus.BLOCKED)
+    assert narrow.sum() >= 3
+    assert not ((wide.status == AttemptStatus.GRASPED) & ~good).any()
+    np.testing.assert_array_equal(free.start_joints[good & ~narrow], opened[good & ~narrow])
+    assert (free.start_joints[narrow] >= opened[narrow]).all()
+    np.testing.assert_allclose(
+        free.joints[narrow], plain.attempt(T, spread).joints[narrow], atol=0.01
+    )
+    [support] = table.constraints
+    assert not support.verdict(hands_of(planner, free, good)).blocked.any()
 
 
 def test_the_verdicts_shift_frees_the_same_motion(planner, sphere, ball_grasps):
     """Without a part in the way, a hand that is moved by its shift is blocked no more."""
     _, table = evaluators(planner, sphere)
     T, spread = ball_grasps
-    attempts = table.attempt(T, spread)
+    attempts = table.attempt_from(T, open_postures(planner.hand, spread))
     moved = attempts.shift.any(axis=1)
     assert moved.sum() > 3
     assert (attempts.status[moved] == AttemptStatus.BLOCKED).all()
@@ -126,6 +148,8 @@ class Recorded(Constraint):
         self.asked.append(len(T_object_palm))
         return T_object_palm[:, 0, 3] < self._allows
 
+    allows_palm = allows
+
     def verdict(self, closed):
         self.judged.append(len(closed))
         verdict = Verdict.clear(len(closed))
@@ -146,7 +170,7 @@ def test_constraints_are_asked_in_sequence_and_the_first_to_object_counts(
     evaluator = ConstrainedEvaluator(
         plain, planner.hand, (one, two, three), planner.settings.scene.retreat_m
     )
-    attempts = evaluator.attempt(T, spread)
+    attempts = evaluator.attempt_from(T, open_postures(planner.hand, spread))
     assert [c.asked for c in (one, two, three)] == [[n], [n - 5], [n - 9]]
     assert evaluator.screened == {"one": 5, "two": 4}
     closed = plain.n_attempts

@@ -11,7 +11,13 @@ import pytest
 from gpis_grasp_planner import errors
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.plan import warm_up as module
-from gpis_grasp_planner.plan.warm_up import box_part, main, make_ready, warm_up
+from gpis_grasp_planner.plan.warm_up import (
+    box_part,
+    compile_side_by_side,
+    main,
+    make_ready,
+    warm_up,
+)
 
 PACKAGE_ROOT = Path(errors.__file__).parents[1]
 
@@ -104,6 +110,20 @@ def test_what_has_been_compiled_is_not_compiled_again(monkeypatch) -> None:
     assert asked == ["dual"]
     with pytest.raises(RequestError, match="nonsense"):
         make_ready("nonsense")
+
+
+def test_two_halves_are_compiled_by_two_processes(monkeypatch) -> None:
+    shared: list[object] = []
+    monkeypatch.setattr(module, "share_out", lambda serve, groups, n: shared.extend([*groups, n]))
+    compile_side_by_side()
+    assert shared == ["attempts", "moves", 2]
+
+
+def test_nothing_is_compiled_side_by_side_where_all_is_ready(monkeypatch) -> None:
+    monkeypatch.setattr(module, "is_ready", lambda planner: True)
+    monkeypatch.setattr(module, "warm_up", lambda say: 1)
+    monkeypatch.setattr(module, "compile_side_by_side", None)
+    assert main() == 0
 
 
 def test_a_warm_up_says_for_which_planner_it_was(monkeypatch) -> None:

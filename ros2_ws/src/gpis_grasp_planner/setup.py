@@ -31,6 +31,7 @@ setup(
     python_requires=">=3.11",
     # The one list of what the planner needs; `make lock` pins it. ROS packages are in package.xml.
     install_requires=[
+        "argcomplete",  # shell completion of gpis-grasp
         "cascadio",  # STEP files for trimesh
         "coacd",  # convex decomposition
         "coal",  # exact distance and collision

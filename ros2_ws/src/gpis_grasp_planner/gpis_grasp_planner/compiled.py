@@ -54,8 +54,9 @@ def is_ready(task: str) -> bool:
 
 
 def mark_ready(task: str) -> None:
-    """Note that all that a task needs lies on disk."""
-    write_kept(f"ready-{task}", _machine())
+    """Note that all that a task needs lies on disk, unless this process could not keep it."""
+    if not FunctionFiles._said:
+        write_kept(f"ready-{task}", _machine())
 
 
 @contextmanager

@@ -30,6 +30,7 @@ def setting(
     low: float | None = None,
     high: float | None = None,
     choices: tuple[str, ...] | None = None,
+    common: bool = False,
 ) -> Any:
     """Declare one setting (a dataclass field). Units are the suffix of the field's name.
 
@@ -42,9 +43,34 @@ def setting(
         Inclusive bounds of a number.
     choices : tuple of str, optional
         The allowed values of a string.
+    common : bool
+        Whether users change it; the others are of those who study the method.
     """
-    metadata = {"description": description, "low": low, "high": high, "choices": choices}
+    metadata = {
+        "description": description,
+        "low": low,
+        "high": high,
+        "choices": choices,
+        "common": common,
+    }
     return field(default=default, metadata=metadata)
+
+
+# A type as a person calls it.
+_KINDS = {
+    bool: "true or false",
+    int: "a whole number (int)",
+    float: "a number (float)",
+    str: "a text",
+    tuple: "a list of texts",
+}
+
+
+def _written(value: Any) -> str:
+    """A value as one writes it in YAML, ROS parameters and --set."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(list(value)) if isinstance(value, tuple) else repr(value)
 
 
 @dataclass(frozen=True)
@@ -58,6 +84,7 @@ class SettingInfo:
     low: float | None
     high: float | None
     choices: tuple[str, ...] | None
+    common: bool = False
 
     def check(self, value: Any) -> Any:
         """Return `value` in the declared type, or raise RequestError with value and limit."""
@@ -75,8 +102,8 @@ class SettingInfo:
             or wrong_item
         ):
             raise RequestError(
-                f"Setting '{self.name}' is {value!r}; it takes a {self.type.__name__}. "
-                f"Give a {self.type.__name__}, such as the default {self.default!r}."
+                f"Setting '{self.name}' is {value!r}; it takes {_KINDS[self.type]}, such as the "
+                f"default {_written(self.default)}."
             )
         if isinstance(value, float) and not math.isfinite(value):
             raise RequestError(
@@ -151,4 +178,5 @@ def _info(f: Field[Any], hint: Any) -> SettingInfo:
         low=f.metadata["low"],
         high=f.metadata["high"],
         choices=f.metadata["choices"],
+        common=f.metadata["common"],
     )

@@ -9,11 +9,23 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 
 from gpis_grasp_planner import __version__
-from gpis_grasp_planner.cli import benchmark, cache, hand, meshes, plan, render, settings, verify
-from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED
+from gpis_grasp_planner.cli import (
+    benchmark,
+    cache,
+    completion,
+    hand,
+    meshes,
+    plan,
+    render,
+    settings,
+    verify,
+)
+from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED, MEANINGS
+from gpis_grasp_planner.cli.parser import CommandParser, add_common
 from gpis_grasp_planner.errors import GraspPlannerError
 
 COMMANDS = {
@@ -25,22 +37,35 @@ COMMANDS = {
     "settings": settings,
     "cache": cache,
     "benchmark": benchmark,
+    "completion": completion,
 }
+_FIRST_STEPS = """\
+examples:
+  gpis-grasp meshes                       which parts there are
+  gpis-grasp plan mug                     plan grasps of one of them
+  gpis-grasp plan ./part.stl --unit mm    plan grasps of your own part
+  gpis-grasp plan --help                  options and more examples
+"""
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command."""
-    top = argparse.ArgumentParser(
+    codes = "\n".join(f"  {code:<3} {meaning}" for code, meaning in MEANINGS.items())
+    top = CommandParser(
         prog="gpis-grasp",
         description="Plan grasps of CAD parts for a multi-finger hand, without ROS.",
-        epilog="Exit codes: 0 done, 1 error, 2 wrong usage, 3 no answer, 130 interrupted.",
+        epilog=f"{_FIRST_STEPS}\nexit codes:\n{codes}",
     )
     top.add_argument("--version", action="version", version=f"gpis-grasp {__version__}")
+    add_common(top)
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, module in COMMANDS.items():
         text = (module.__doc__ or "").strip().splitlines()[0]
-        command = commands.add_parser(name, help=text, description=text)
+        command = commands.add_parser(
+            name, help=text, description=text, epilog=getattr(module, "EXAMPLES", None)
+        )
         module.add_arguments(command)
+        add_common(command)
         command.set_defaults(run=module.run)
     return top
 
@@ -48,32 +73,43 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code is the return value.
 
-    Errors of the project's tree and of files are one line on stderr, never a traceback.
+    Errors are one line on stderr; with --debug after their traceback.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    arguments = parser().parse_args(words)
+    reader = parser()
+    completion.complete(reader)
+    arguments = reader.parse_args(words)
     arguments.words = words  # for reports that say how they were made
     try:
         code: int = arguments.run(arguments)
         sys.stdout.flush()
-    except GraspPlannerError as error:
-        return _fail(str(error))
     except BrokenPipeError:
         # The reader of a pipe has gone (such as `| head`): nothing more to say to it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ERROR
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        return _fail(f"{where}{error.strerror or error}")
     except KeyboardInterrupt:
         print("gpis-grasp: interrupted", file=sys.stderr)
         return INTERRUPTED
+    except Exception as error:
+        if getattr(arguments, "debug", False):
+            traceback.print_exc()
+        print(f"gpis-grasp: error: {_said(error)}", file=sys.stderr)
+        return ERROR
     return code
 
 
-def _fail(message: str) -> int:
-    print(f"gpis-grasp: error: {message}", file=sys.stderr)
-    return ERROR
+def _said(error: Exception) -> str:
+    """An error in one line; one that is not foreseen says how to see more of it."""
+    if isinstance(error, GraspPlannerError):
+        return " ".join(str(error).split())
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror or error}."
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return (
+        f"{what}. This is a fault of the program: repeat the command with --debug and report what "
+        "it shows."
+    )
 
 
 if __name__ == "__main__":

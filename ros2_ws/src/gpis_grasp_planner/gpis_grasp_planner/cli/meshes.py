@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import json
+from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.cli import options, tables
 from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.geometry.part import Part
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'meshes'."""
     options.add_catalogue(parser)
     options.add_settings(parser)
+    parser.add_argument("--json", action="store_true", help="print the list as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -21,6 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     _, settings = options.read_settings(arguments.settings, arguments.assignments)
     catalogue = options.catalogue_of(arguments.meshes, settings)
     rows: list[tuple[str, ...]] = []
+    facts: list[dict[str, object]] = []
     notes: list[str] = []
     bad = False
     for mesh_id in catalogue.ids():
@@ -30,21 +37,19 @@ def run(arguments: argparse.Namespace) -> int:
             bad = True
             rows.append((mesh_id, "", "", "", "", error.code.name))
             notes.append(f"{mesh_id}: {error.code.name}: {error}")
+            facts.append({"id": mesh_id, "error": error.code.name, "message": str(error)})
             continue
-        mu = part.friction
-        rows.append(
-            (
-                mesh_id,
-                " x ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent),
-                f"{part.mass:.3f}",
-                "default" if mu is None else f"{mu.finger:g} / {mu.palm:g}",
-                str(len(part.mesh.faces)),
-                "noted" if part.notes else "",
-            )
-        )
+        rows.append(_row(part))
         notes += [f"{mesh_id}: {note}" for note in part.notes]
-    for name, reason in catalogue.refused():
-        notes.append(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
+        facts.append(_facts(part))
+    refused = catalogue.refused()
+    notes += [f"{ascii(name)[1:-1]} cannot be asked for: {reason}." for name, reason in refused]
+    if arguments.json:
+        facts += [
+            {"file": name, "error": "INVALID_MESH_ID", "message": why} for name, why in refused
+        ]
+        print(json.dumps(facts, indent=1))
+        return ERROR if bad else SUCCESS
     headings = ("mesh ID", "size [mm]", "mass [kg]", "friction", "faces", "notes")
     cells = zip(*rows, strict=True) if rows else [()] * len(headings)
     tables.print_table(
@@ -58,3 +63,29 @@ def run(arguments: argparse.Namespace) -> int:
     for note in notes:
         tables.print_text(note)
     return ERROR if bad else SUCCESS
+
+
+def _row(part: Part) -> tuple[str, ...]:
+    mu = part.friction
+    return (
+        part.mesh_id,
+        " x ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent),
+        f"{part.mass:.3f}",
+        "default" if mu is None else f"{mu.finger:g} / {mu.palm:g}",
+        str(len(part.mesh.faces)),
+        "noted" if part.notes else "",
+    )
+
+
+def _facts(part: Part) -> dict[str, object]:
+    mu = part.friction
+    return {
+        "id": part.mesh_id,
+        "extent_m": [float(side) for side in part.mesh.extent],
+        "mass_kg": part.mass,
+        "center_of_mass_m": [float(x) for x in part.center_of_mass],
+        "friction": None if mu is None else {"finger": mu.finger, "palm": mu.palm},
+        "n_faces": len(part.mesh.faces),
+        "mesh_hash": part.mesh.content_hash,
+        "notes": list(part.notes),
+    }

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from gpis_grasp_planner.cli import completion
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
@@ -32,7 +35,7 @@ def add_catalogue(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add --set and --settings."""
-    parser.add_argument(
+    assignment = parser.add_argument(
         "--set",
         metavar="GROUP.NAME=VALUE",
         action="append",
@@ -40,6 +43,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         dest="assignments",
         help="change a setting, repeatable; 'gpis-grasp settings' lists them",
     )
+    assignment.completer = completion.setting_names  # type: ignore[attr-defined]
     parser.add_argument(
         "--settings",
         metavar="FILE.yaml",
@@ -123,16 +127,39 @@ def read_groups(file: Path | None, assignments: Sequence[str]) -> dict[str, dict
     classes = setting_classes()
     unknown = sorted(set(values) - set(classes))
     if unknown:
+        near = difflib.get_close_matches(unknown[0], classes, n=1)
         raise RequestError(
-            f"Unknown group of settings {', '.join(unknown)}; known are {', '.join(classes)}."
+            f"Unknown group of settings {', '.join(unknown)}; "
+            + (f"nearest is {near[0]}; " if near else "")
+            + f"known are {', '.join(classes)}."
         )
     for group, content in values.items():
         infos = {info.name: info for info in describe(classes[group])}
         for name, value in content.items():
-            if name in infos and isinstance(value, str):
+            if name not in infos:
+                raise RequestError(_unknown(group, name, classes))
+            if isinstance(value, str):
                 content[name] = _typed(value, infos[name])
         classes[group].from_mapping(content)
     return values
+
+
+def _unknown(group: str, name: str, classes: Mapping[str, type[SettingsGroup]]) -> str:
+    """Nearest names of the same group, or the same name of another one."""
+    from gpis_grasp_planner.settings import describe
+
+    own = [info.name for info in describe(classes[group])]
+    near = [f"{group}.{word}" for word in difflib.get_close_matches(name, own, n=3, cutoff=0.5)]
+    near += [
+        f"{other}.{name}"
+        for other, settings in classes.items()
+        if name in (info.name for info in describe(settings))
+    ]
+    nearest = f"Nearest: {', '.join(near)}. " if near else ""
+    return (
+        f"Unknown setting '{group}.{name}'. {nearest}'gpis-grasp settings {group} --advanced' "
+        f"lists the group."
+    )
 
 
 def _settings_of_file(file: Path | None) -> Mapping[str, Any]:
@@ -169,6 +196,13 @@ def _typed(text: str, info: SettingInfo) -> Any:
     return text
 
 
+def as_text(value: Any) -> str:
+    """A setting's value as --set takes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return ",".join(value) if isinstance(value, tuple) else f"{value}"
+
+
 def catalogue_of(
     directories: Sequence[Path] | None, settings: CatalogueSettings | None = None
 ) -> MeshCatalogue:
@@ -192,14 +226,20 @@ def find_part(
 ) -> tuple[Part, MeshSource | None]:
     """Load a part by catalogue ID or path, and say which file it was (None for an ID).
 
-    A name with a directory in it is a path, and so is one with a suffix that names a file here.
+    A name with a directory in it is a path unless the catalogue knows it, and so is one with a
+    suffix that names a file here, or with the suffix of a mesh file.
     """
-    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.errors import MeshError, RequestError
     from gpis_grasp_planner.geometry.catalogue import load_part
+    from gpis_grasp_planner.geometry.mesh_file import MESH_SUFFIXES
     from gpis_grasp_planner.plan.document import MeshSource
 
     path = Path(mesh)
-    if os.sep in mesh or (path.suffix and path.is_file()):
+    named = os.sep in mesh or path.suffix.lower() in MESH_SUFFIXES
+    if named and path.suffix and not path.exists():
+        raise MeshError(_no_file(path))
+    in_folder = os.sep in mesh and (path.exists() or mesh not in catalogue.ids())
+    if in_folder or (path.suffix and path.is_file()):
         part = load_part(path, unit, catalogue.settings, body=body)
         return part, MeshSource(str(path), unit, body)
     for option, value in (("--unit", unit), ("--body", body)):
@@ -209,6 +249,17 @@ def find_part(
                 f"YAML file says it. Leave {option} out, or give the file's path (./...)."
             )
     return catalogue.load(mesh), None
+
+
+def _no_file(path: Path) -> str:
+    """Say that a file is missing, and which of its folder has nearly that name."""
+    folder = path.parent
+    if not folder.is_dir():
+        return f"No such file: {path} (there is no directory {folder}). Check the path."
+    names = [entry.name for entry in folder.iterdir() if entry.is_file()]
+    near = difflib.get_close_matches(path.name, names, n=1)
+    hint = f"Did you mean {folder / near[0]}?" if near else "Check the path."
+    return f"No such file: {path}. {hint} IDs of the catalogue have no suffix."
 
 
 def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> Part:

@@ -8,24 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-)
-
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from gpis_grasp_planner.plan.progress import Progress as PlanProgress
-
-
-def console() -> Console:
-    """The console of progress: stderr, silent where that is no terminal."""
-    return Console(file=sys.stderr, highlight=False)
 
 
 def note(message: str) -> None:
@@ -50,39 +34,43 @@ def check_writable(path: Path | None) -> None:
         raise RequestError(f"Cannot write {path}: it {fault}. Name a file in a directory there is.")
 
 
-@contextmanager
-def plan_progress() -> Iterator[Callable[[PlanProgress], None]]:
-    """Show a bar over the time budget with the best epsilon so far; silent without a terminal."""
-    columns = (
-        TextColumn("{task.fields[phase]}"),
-        BarColumn(),
-        TextColumn("{task.completed:.1f} of {task.total:g} s"),
-        TextColumn("best epsilon {task.fields[epsilon]}"),
-        TextColumn("{task.fields[attempts]} grasps tried"),
-    )
-    screen = console()
-    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
-        task = bar.add_task("", total=1.0, phase="planning", epsilon="-", attempts=0, visible=False)
+def check_picture(path: Path | None) -> None:
+    """Refuse a picture that cannot be written, or in a format that is not known, before the work.
 
-        def show(progress: PlanProgress) -> None:
-            best = f"{progress.best_epsilon:.4f}" if progress.best_epsilon > 0.0 else "-"
-            bar.update(
-                task,
-                total=progress.time_budget_s,
-                phase=progress.phase,
-                completed=min(progress.elapsed_s, progress.time_budget_s),
-                epsilon=best,
-                attempts=progress.evaluations,
-                visible=True,
-            )
+    Raises
+    ------
+    RequestError
+        With the suffixes that are known.
+    """
+    from gpis_grasp_planner.errors import RequestError
 
-        yield show
+    if path is None:
+        return
+    from PIL import Image
+
+    known = {ending for ending, kind in Image.registered_extensions().items() if kind in Image.SAVE}
+    if path.suffix.lower() not in known:
+        raise RequestError(
+            f"The picture {path} has "
+            + (f"the unknown suffix {path.suffix}" if path.suffix else "no suffix")
+            + f", which names the format. Write {path.stem or 'picture'}.png, or .jpg, .webp, .pdf."
+        )
+    check_writable(path)
 
 
 @contextmanager
 def count_progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
     """Show a bar over `total` things, moved on by the name of each; silent without a terminal."""
-    screen = console()
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    screen = Console(file=sys.stderr, highlight=False)
     columns = (
         TextColumn(what),
         BarColumn(),

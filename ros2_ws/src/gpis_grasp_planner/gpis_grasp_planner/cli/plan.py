@@ -7,18 +7,44 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import options, place_options
-from gpis_grasp_planner.cli.exit_codes import NO_ANSWER, SUCCESS
+from gpis_grasp_planner.cli import completion, options, output, place_options, tables
+from gpis_grasp_planner.cli.exit_codes import INTERRUPTED, NO_ANSWER, SUCCESS
+from gpis_grasp_planner.cli.interrupt import stop_on_interrupt
+from gpis_grasp_planner.cli.status_line import StatusLine
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gpis_grasp_planner.geometry.part import Part
+    from gpis_grasp_planner.plan.document import MeshSource
     from gpis_grasp_planner.plan.request import PlanResult
+
+# The names of search.searches.PLANNERS, which loads the planner.
+PLANNERS = (
+    "dual",
+    "hpp",
+    "paper",
+    "random",
+    "random-adaption",
+    "annealing",
+    "eigengrasp",
+    "eigengrasp-two-level",
+)
+EXAMPLES = """\
+examples:
+  gpis-grasp plan mug
+  gpis-grasp plan ./part.stl --unit mm --json grasps.json --picture best.png
+  gpis-grasp plan mug --support lowest --sigma-mm 5 --time 10
+  gpis-grasp plan mug --seed 7 --evaluations 500 --verify none
+  gpis-grasp plan mug --set verification.mass_kg=0.3
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'plan'."""
-    parser.add_argument("mesh", metavar="MESH", help="catalogue ID, or path to a mesh file")
+    mesh = parser.add_argument("mesh", metavar="MESH", help="catalogue ID, or path to a mesh file")
+    mesh.completer = completion.mesh_ids  # type: ignore[attr-defined]
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument(
         "--time", type=float, default=5.0, metavar="S", help="time budget in seconds; default: 5"
@@ -43,7 +69,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="try the finalists in physics, in half of the time: those that hold come first "
         "(rank, the default), or are all that is answered (require)",
     )
-    parser.add_argument("--planner", default="dual", metavar="NAME", help="default: dual")
+    parser.add_argument(
+        "--planner",
+        default="dual",
+        metavar="NAME",
+        help=f"{', '.join(PLANNERS)}; default: dual",
+    )
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
     options.add_catalogue(parser)
@@ -56,15 +87,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, print, write; 3 where there is no grasp."""
-    from gpis_grasp_planner.cli import output, tables
-    from gpis_grasp_planner.plan.document import document_text
+    """Plan, print, write; 3 where there is no grasp, 130 after Ctrl-C."""
+    output.check_writable(arguments.json)
+    output.check_picture(arguments.picture)
+    with StatusLine("loading") as status, stop_on_interrupt(status.note) as stopped:
+        part, source, result, placed = _plan(arguments, status, stopped)
+        interrupted = stopped()
+    to_stdout = arguments.json is not None and str(arguments.json) == "-"
+    if arguments.json is not None:
+        from gpis_grasp_planner.plan.document import document_text
+
+        text = document_text(result, source)
+        if to_stdout:
+            sys.stdout.write(text)
+        else:
+            arguments.json.write_text(text, encoding="utf-8")
+    if not to_stdout and result.grasps:
+        _show(result)
+        if placed:
+            tables.print_text(result.message)
+    for text in result.notes:
+        output.note(f"note: {text}")
+    if arguments.picture is not None:
+        with StatusLine("drawing"):
+            _draw(arguments.picture, part, result)
+    if interrupted:
+        n = len(result.grasps)
+        found = (
+            "no grasp was found"
+            if n == 0
+            else "1 grasp was found"
+            if n == 1
+            else (f"{n} grasps were found")
+        )
+        output.note(f"gpis-grasp: CANCELLED: interrupted; {found} until then.")
+        return INTERRUPTED
+    if not result.success:
+        output.note(f"gpis-grasp: {result.code.name}: {result.message}")
+        return NO_ANSWER
+    return SUCCESS
+
+
+def _plan(
+    arguments: argparse.Namespace, status: StatusLine, stopped: Callable[[], bool]
+) -> tuple[Part, MeshSource | None, PlanResult, bool]:
+    """The part, its file, the answer, and whether a place was given."""
     from gpis_grasp_planner.plan.request import PlanRequest
 
-    output.check_writable(arguments.json)
-    output.check_writable(arguments.picture)
     settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
+    status.enter("reading")
     part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
     request = PlanRequest(
         planner=arguments.planner,
@@ -76,38 +148,20 @@ def run(arguments: argparse.Namespace) -> int:
         verification=arguments.verify,
     )
     place = place_options.place_of(arguments, part, catalogue)
+    status.enter("loading the planner")  # not before the request was found to be good: 2 s
     from gpis_grasp_planner.cli.preparation import ready_to_plan
     from gpis_grasp_planner.plan.planner import GraspPlanner
     from gpis_grasp_planner.plan.progress import Monitor
 
-    ready_to_plan(request.planner)
-    with output.plan_progress() as show:
-        monitor = Monitor(request.time_budget_s, show)
-        answer = GraspPlanner(settings).answer(part, request, place, monitor=monitor)
-    result = answer.result
-    to_stdout = arguments.json is not None and str(arguments.json) == "-"
-    if arguments.json is not None:
-        text = document_text(result, source)
-        if to_stdout:
-            sys.stdout.write(text)
-        else:
-            arguments.json.write_text(text, encoding="utf-8")
-    if not to_stdout and result.grasps:
-        _show(result)
-        if place:
-            tables.print_text(result.message)
-    for text in result.notes:
-        output.note(f"note: {text}")
-    if arguments.picture is not None:
-        _draw(arguments.picture, part, result)
-    if not result.success:
-        output.note(f"gpis-grasp: {result.code.name}: {result.message}")
-        return NO_ANSWER
-    return SUCCESS
+    ready_to_plan(request.planner, status.note)
+    status.enter("preparing")
+    monitor = Monitor(request.time_budget_s, status.show, stopped)
+    result = GraspPlanner(settings).answer(part, request, place, monitor=monitor).result
+    return part, source, result, bool(place)
 
 
 def _show(result: PlanResult) -> None:
-    from gpis_grasp_planner.cli import grasp_table, tables
+    from gpis_grasp_planner.cli import grasp_table
     from gpis_grasp_planner.hand.description import load_hand
 
     verified = result.request.verification != "none"

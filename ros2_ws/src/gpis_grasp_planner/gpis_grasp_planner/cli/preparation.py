@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from gpis_grasp_planner.cli import output
 
 COMPILING = "gpis-grasp: compiling the planner, once after an installation or change (1 min) ..."
 
 
-def ready_to_plan(planner: str) -> None:
+def ready_to_plan(planner: str, say: Callable[[str], None] = output.note) -> None:
     """Compile what `planner` needs where that has not been done on this machine, and say so.
 
     Raises
@@ -21,7 +23,7 @@ def ready_to_plan(planner: str) -> None:
     check_planner(planner)
     if is_ready(planner):
         return
-    with when_compiling(lambda: output.note(COMPILING)):
+    with when_compiling(lambda: say(COMPILING)):
         from gpis_grasp_planner.plan.warm_up import warm_up
 
         warm_up([planner])

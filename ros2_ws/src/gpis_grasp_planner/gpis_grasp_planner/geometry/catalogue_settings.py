@@ -16,6 +16,7 @@ class CatalogueSettings(SettingsGroup):
         "m",
         choices=("m", "cm", "mm", "um", "inch"),
         description="Unit of a mesh file that has no sidecar naming one; the answer says so.",
+        common=True,
     )
     max_file_bytes: int = setting(
         600_000_000,
@@ -28,6 +29,7 @@ class CatalogueSettings(SettingsGroup):
         low=100,
         high=10_000_000,
         description="Meshes with more triangles are refused, from the header where there is one.",
+        common=True,
     )
     step_timeout_s: float = setting(
         60.0,
@@ -48,15 +50,18 @@ class CatalogueSettings(SettingsGroup):
         description="A part whose largest extent is larger is refused as a mistake of units.",
     )
     degenerate_faces: str = setting(
-        "refuse",
-        choices=("refuse", "drop"),
-        description="Faces without area: refuse the file, or drop them and say so.",
+        "drop",
+        choices=("drop", "refuse"),
+        description="Faces without area: drop them so that the surface stays closed and say so, "
+        "or refuse the file.",
+        common=True,
     )
     default_density_kg_m3: float = setting(
         1000.0,
         low=1.0,
         high=30_000.0,
         description="Density of a part whose sidecar gives neither mass, density nor material.",
+        common=True,
     )
 
     def __post_init__(self) -> None:

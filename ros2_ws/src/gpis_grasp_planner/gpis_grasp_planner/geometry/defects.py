@@ -14,11 +14,19 @@ from scipy.spatial import QhullError
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-from gpis_grasp_planner.geometry.mass_properties import hull, signed_volume, volume_and_center
+from gpis_grasp_planner.geometry.mass_properties import (
+    fans_across_holes,
+    hull,
+    volume_and_center,
+)
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.topology import bodies, faces_to_flip, find_edges
+from gpis_grasp_planner.geometry.orientation import Oriented, orient
+from gpis_grasp_planner.geometry.ray_crossings import crossing_numbers
+from gpis_grasp_planner.geometry.slivers import altitudes, without_slivers
+from gpis_grasp_planner.geometry.topology import Edges, bodies, find_edges
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.geometry.units import check_extent
-from gpis_grasp_planner.geometry.winding import winding_numbers
+from gpis_grasp_planner.geometry.welding import merge_equal, weld
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
@@ -26,11 +34,11 @@ RawFaces = NDArray[np.int64]  # as parsed: an index may be anything until it is 
 
 ABSURD_COORDINATE_M = 1e6
 THIN_FACE = 1e-7  # altitude of a face without area, relative to the part's largest extent
-WELD = 1e-6  # distance of vertices that may be meant as one, relative to the largest extent
 FLAT = 1e-7  # volume of the hull of a part without thickness, relative to its extent cubed
-OVERLAP_PROBES = 200
-OVERLAP_PAIRS = 4_000_000  # probes are cut so that a large mesh is judged in about a second
-MAX_BODIES = 200
+SMALL_HOLES = 0.1  # share of the surface that fans across its holes may make up
+TIGHT = 0.98  # share of single rays that must find the surface closed for gaps not to matter
+SHEET = 0.5  # share of the area without inside and outside that makes a sheet
+PROBES = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +51,7 @@ class Judged:
     watertight : bool
         Closed and with a volume.
     volume : float
-        Enclosed volume [m^3]; of the convex hull where the mesh is not watertight.
+        Enclosed volume [m^3]; where the mesh is open, a note says how it was found.
     center_of_volume : (3,) array
         Centre of that volume [m].
     bodies : int
@@ -92,15 +100,19 @@ def judge(
     notes: list[str] = []
     _check_content(vertices, parsed_faces, name)
     check_extent(vertices[np.unique(parsed_faces)], name, unit, settings)
-    vertices, faces = _merge_equal(vertices, parsed_faces)
+    vertices, faces = merge_equal(vertices, parsed_faces)
     drop = drop_degenerate or settings.degenerate_faces == "drop"
     faces = _without_degenerate(vertices, faces, name, drop, notes)
-    vertices, faces = _weld_if_that_closes(vertices, faces, notes)
+    faces = _welded(vertices, faces, notes)
     faces = _without_duplicates(faces, notes)
     vertices, faces = _used_only(vertices, faces)
-    faces = _wind_consistently(faces, notes)
-    faces = _face_outwards(vertices, faces, name, notes)
-    return _measure(TriangleMesh(vertices, faces), name, notes)
+    edges = find_edges(faces)
+    oriented = orient(vertices, faces, edges)
+    _note_turned(oriented, notes)
+    if oriented.turned.any():
+        edges = find_edges(oriented.faces)
+    mesh = TriangleMesh(vertices, oriented.faces)
+    return _measure(mesh, edges, oriented, name, notes)
 
 
 def _check_content(vertices: Array, faces: RawFaces, name: str) -> None:
@@ -134,145 +146,140 @@ def _check_content(vertices: Array, faces: RawFaces, name: str) -> None:
         )
 
 
-def _merge_equal(vertices: Array, faces: RawFaces) -> tuple[Array, Faces]:
-    # + 0.0 turns -0.0 into 0.0, which are equal but not the same bytes.
-    merged, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)
-    return merged, index.reshape(-1)[faces].astype(np.int32)
-
-
-def _altitudes(vertices: Array, faces: Faces) -> Array:
-    triangles = vertices[faces]
-    sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    double_area = np.linalg.norm(
-        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
-    )
-    return np.divide(double_area, sides, out=np.zeros_like(sides), where=sides > 0)
-
-
 def _without_degenerate(
     vertices: Array, faces: Faces, name: str, drop: bool, notes: list[str]
 ) -> Faces:
     limit = THIN_FACE * float(np.ptp(vertices, axis=0).max())
-    thin = _altitudes(vertices, faces) <= limit
+    thin = altitudes(vertices, faces) <= limit
     if not thin.any():
         return faces
-    if not drop:
-        first = int(np.flatnonzero(thin)[0])
-        raise MeshError(
-            f"{name}: face {first + 1} has no area ({int(thin.sum())} such faces of "
-            f"{len(faces)}). Repair the mesh, or set degenerate_faces to 'drop'.",
-            ErrorCode.MESH_DEGENERATE,
-        )
+    count = int(thin.sum())
     if thin.all():
         raise MeshError(
             f"{name}: none of its {len(faces)} faces has an area.", ErrorCode.MESH_DEGENERATE
         )
-    notes.append(f"{int(thin.sum())} faces without area were dropped.")
-    return faces[~thin]
+    if not drop:
+        first = int(np.flatnonzero(thin)[0])
+        raise MeshError(
+            f"{name}: face {first + 1} has no area ({count} such faces of {len(faces)}). Repair "
+            "the mesh, or set degenerate_faces to 'drop'.",
+            ErrorCode.MESH_DEGENERATE,
+        )
+    faces, left_out = without_slivers(vertices, faces, limit)
+    what = f"{count} faces without area were dropped"
+    notes.append(f"{what}, {left_out} of them without closing up." if left_out else f"{what}.")
+    return faces
 
 
-def _weld_if_that_closes(vertices: Array, faces: Faces, notes: list[str]) -> tuple[Array, Faces]:
-    """Join vertices within a hair's breadth, but only where it turns an open mesh into a closed."""
-    if find_edges(faces).open == 0:
-        return vertices, faces
-    distance = WELD * float(np.ptp(vertices, axis=0).max())
-    _, first, index = np.unique(
-        np.round(vertices / distance), axis=0, return_index=True, return_inverse=True
-    )
-    welded = index.reshape(-1)[faces].astype(np.int32)
-    collapsed = (welded == np.roll(welded, 1, axis=1)).any(axis=1)
-    welded = welded[~collapsed]
-    if len(welded) == 0 or find_edges(welded).open > 0:
-        return vertices, faces
-    notes.append(f"Vertices closer than {1e6 * distance:.2g} um were joined to close the surface.")
-    return vertices[first], welded
+def _welded(vertices: Array, faces: Faces, notes: list[str]) -> Faces:
+    edges = find_edges(faces)
+    if edges.open == 0:
+        return faces
+    faces, distance = weld(vertices, faces, edges)
+    if distance > 0.0:
+        still = find_edges(faces).open
+        what = f"; {still} of {edges.open} open edges are left" if still else ""
+        notes.append(
+            f"Vertices closer than {1e6 * distance:.2g} um were joined to close the surface{what}."
+        )
+    return faces
 
 
 def _without_duplicates(faces: Faces, notes: list[str]) -> Faces:
     start = faces.argmin(axis=1)
     turned = np.take_along_axis(faces, (start[:, None] + np.arange(3)) % 3, axis=1)
-    _, first = np.unique(turned, axis=0, return_index=True)
-    if len(first) == len(faces):
+    order = np.lexsort(turned.T)
+    new = np.ones(len(faces), dtype=bool)
+    new[1:] = (turned[order[1:]] != turned[order[:-1]]).any(axis=1)
+    if new.all():
         return faces
-    notes.append(f"{len(faces) - len(first)} duplicate faces were dropped.")
-    return faces[np.sort(first)]
+    notes.append(f"{int((~new).sum())} duplicate faces were dropped.")
+    return faces[np.sort(order[new])]
 
 
 def _used_only(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    used, index = np.unique(faces, return_inverse=True)
-    return vertices[used], index.reshape(faces.shape).astype(np.int32)
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    if used.all():
+        return vertices, faces
+    index = np.cumsum(used, dtype=np.int32) - 1
+    return vertices[used], index[faces].astype(np.int32)
 
 
-def _wind_consistently(faces: Faces, notes: list[str]) -> Faces:
-    edges = find_edges(faces)
-    if edges.agree.all():
-        return faces
-    flip, possible = faces_to_flip(edges, len(faces))
-    if not possible:
-        notes.append("The surface is one-sided (not orientable); its faces were left as they are.")
-        return faces
-    notes.append(f"{int(flip.sum())} faces that wound against their neighbours were turned.")
-    faces = faces.copy()
-    faces[flip] = faces[flip][:, ::-1]
-    return faces
-
-
-def _face_outwards(vertices: Array, faces: Faces, name: str, notes: list[str]) -> Faces:
-    count, body = bodies(faces)
-    if count > MAX_BODIES:
-        raise MeshError(
-            f"{name} falls into {count} unconnected pieces, the limit is {MAX_BODIES}. Join its "
-            "vertices or remove loose pieces.",
-            ErrorCode.MESH_DEGENERATE,
+def _note_turned(oriented: Oriented, notes: list[str]) -> None:
+    turned = int(oriented.turned.sum())
+    if turned == len(oriented.turned):
+        notes.append("The faces looked inwards and were turned (inverted mesh).")
+    elif turned and oriented.wound:
+        notes.append(f"{turned} faces that wound against their neighbours were turned.")
+    elif turned:
+        notes.append(f"{turned} faces looked inwards and were turned.")
+    if oriented.one_sided.any():
+        what = "The surface is" if oriented.one_sided.all() else "A part of the surface is"
+        notes.append(f"{what} one-sided (not orientable); its faces were left as they were.")
+    if unknown := int(oriented.undecided.sum()):
+        notes.append(
+            f"For {unknown} faces nothing tells outside from inside; they look the way the file "
+            "has them."
         )
-    triangles = vertices[faces]
-    turned = np.zeros(len(faces), dtype=bool)
-    for b in range(count):
-        mine = body == b
-        if not find_edges(faces[mine]).closed:
-            turned[mine] = _mostly_inward(triangles[mine])
-            continue
-        if signed_volume(triangles[mine]) >= 0.0:
-            continue
-        # An inward-facing piece inside another is the wall of a cavity, which is right.
-        others = triangles[~mine]
-        probe = triangles[mine].reshape(-1, 3)[:1]
-        if count == 1 or abs(winding_numbers(others, probe)[0]) < 0.5:
-            turned[mine] = True
-    if not turned.any():
-        return faces
-    what = "The faces" if turned.all() else f"{int(turned.sum())} faces"
-    notes.append(f"{what} looked inwards and were turned (inverted mesh).")
-    faces = faces.copy()
-    faces[turned] = faces[turned][:, ::-1]
-    return faces
 
 
-def _mostly_inward(triangles: Array) -> bool:
-    """Whether an open piece, closed by a fan to its mean corner, encloses a negative volume."""
-    return signed_volume(triangles - triangles.reshape(-1, 3).mean(axis=0)) < 0.0
-
-
-def _measure(mesh: TriangleMesh, name: str, notes: list[str]) -> Judged:
-    edges = find_edges(mesh.faces)
+def _measure(
+    mesh: TriangleMesh, edges: Edges, oriented: Oriented, name: str, notes: list[str]
+) -> Judged:
     count, _ = bodies(mesh.faces)
     least_volume = FLAT * float(mesh.extent.max()) ** 3
     if edges.non_manifold:
         notes.append(f"{edges.non_manifold} edges have more than two faces (non-manifold).")
     if count > 1:
-        notes.append(f"{count} separate bodies are planned on as one rigid part.")
+        what = "separate bodies" if edges.closed else "unconnected pieces of surface"
+        notes.append(f"{count} {what} are planned on as one rigid part.")
     volume, center = volume_and_center(mesh.triangles)
     watertight = edges.closed and volume > least_volume
     if not watertight:
-        volume, center = _hull_volume_and_center(mesh, least_volume, name)
-        what = f"is open at {edges.open} edges" if edges.open else "encloses no volume"
-        notes.append(f"The surface {what}; volume and centre of mass are those of its convex hull.")
-    elif share := _overlap_share(mesh):
+        volume, center = _open_volume(mesh, edges, oriented, least_volume, name, notes)
+    elif (found := _wrong_share(mesh, rays=3)) > 0.0:
         notes.append(
-            f"The surface intersects itself or its bodies overlap (about {100 * share:.0f} % of "
+            f"The surface intersects itself or its bodies overlap (about {100 * found:.0f} % of "
             "it); overlaps count twice in volume and centre of mass."
         )
     return Judged(mesh, watertight, volume, center, count, tuple(notes))
+
+
+def _open_volume(
+    mesh: TriangleMesh,
+    edges: Edges,
+    oriented: Oriented,
+    least_volume: float,
+    name: str,
+    notes: list[str],
+) -> tuple[float, Array]:
+    """Volume and centre of a surface that is open, or closed round nothing; a note says of what."""
+    area = mesh.face_areas
+    if edges.open:
+        fans = fans_across_holes(mesh.vertices, edges)
+        vectors = np.cross(fans[:, 1] - fans[:, 0], fans[:, 2] - fans[:, 0])
+        added = 0.5 * float(np.linalg.norm(vectors, axis=1).sum())
+        volume, center = volume_and_center(np.concatenate([mesh.triangles, fans]))
+        if added <= SMALL_HOLES * float(area.sum()) and volume > least_volume:
+            notes.append(
+                f"The surface is open at {edges.open} edges; volume and centre of mass are those "
+                f"of it with its holes closed ({100 * added / float(area.sum()):.2g} % of it)."
+            )
+            return volume, center
+        volume, center = volume_and_center(mesh.triangles)
+        if volume > least_volume and _wrong_share(mesh, rays=1) <= 1.0 - TIGHT:
+            notes.append(
+                f"The surface is open at {edges.open} edges by gaps between its faces; volume and "
+                "centre of mass are those of the faces without the gaps."
+            )
+            return volume, center
+    what = f"is open at {edges.open} edges" if edges.open else "encloses no volume"
+    if float(area[oriented.undecided].sum()) > SHEET * float(area.sum()):
+        what = f"is a sheet that bounds no solid ({edges.open} open edges)"
+    volume, center = _hull_volume_and_center(mesh, least_volume, name)
+    notes.append(f"The surface {what}; volume and centre of mass are those of its convex hull.")
+    return volume, center
 
 
 def _hull_volume_and_center(
@@ -290,16 +297,15 @@ def _hull_volume_and_center(
     return volume, center
 
 
-def _overlap_share(mesh: TriangleMesh) -> float:
+def _wrong_share(mesh: TriangleMesh, rays: int) -> float:
     """Share of probed faces with a winding number other than 0 before and 1 behind them."""
-    count = min(OVERLAP_PROBES, max(8, OVERLAP_PAIRS // (2 * len(mesh.faces))))
     share = mesh.face_areas / mesh.face_areas.sum()
-    chosen = np.random.default_rng(0).choice(len(share), size=count, p=share)
+    chosen = np.random.default_rng(0).choice(len(share), size=PROBES, p=share)
     centers = mesh.triangles[chosen].mean(axis=1)
     # A step of a hundredth of the face's own size stays well on its side of the neighbours.
     step = 1e-2 * np.sqrt(mesh.face_areas[chosen]).clip(max=1e-2 * mesh.diagonal)
     step = step[:, None] * mesh.face_normals_outward[chosen]
-    before = winding_numbers(mesh.triangles, centers + step)
-    behind = winding_numbers(mesh.triangles, centers - step)
-    wrong = (np.abs(before) > 0.5) | (np.abs(behind - 1.0) > 0.5)
-    return float(wrong.mean())
+    tree = TriangleTree.of(mesh)
+    before = crossing_numbers(tree, centers + step, rays)
+    behind = crossing_numbers(tree, centers - step, rays)
+    return float(((before != 0) | (behind != 1)).mean())

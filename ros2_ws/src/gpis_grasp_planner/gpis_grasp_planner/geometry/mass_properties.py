@@ -1,19 +1,22 @@
-"""Volume and centre of mass of a closed surface, and of the convex hull of any."""
+"""Volume and centre of mass of a closed surface, its holes closed by fans, or its convex hull."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.topology import Edges
 
 Array = NDArray[np.float64]
 
 
 def signed_volume(triangles: Array) -> float:
     """Volume [m^3] enclosed by triangles (m, 3, 3); negative if they face inwards."""
-    return float(_tetrahedra(triangles).sum())
+    return float(tetrahedra(triangles).sum())
 
 
 def volume_and_center(triangles: Array) -> tuple[float, Array]:
@@ -24,7 +27,7 @@ def volume_and_center(triangles: Array) -> tuple[float, Array]:
     """
     origin = triangles.reshape(-1, 3).mean(axis=0)
     local = triangles - origin
-    volumes = _tetrahedra(local)
+    volumes = tetrahedra(local)
     total = float(volumes.sum())
     if total == 0.0:
         return 0.0, origin
@@ -42,6 +45,36 @@ def hull(mesh: TriangleMesh) -> TriangleMesh:
     return TriangleMesh(mesh.vertices, faces)
 
 
-def _tetrahedra(triangles: Array) -> Array:
+def fans_across_holes(vertices: Array, edges: Edges) -> Array:
+    """Triangles (k, 3, 3) that close a surface: a fan from each hole's mean corner to its rim.
+
+    A flat hole is closed exactly, whatever its shape. Edges where the surface ends, connected by
+    their vertices, make one hole; the fans wind with the faces.
+    """
+    rim = edges.balance != 0
+    if not rim.any():
+        return np.zeros((0, 3, 3))
+    ends, balance = edges.ends[rim], edges.balance[rim]
+    ends = np.where((balance > 0)[:, None], ends[:, ::-1], ends)  # against the face's direction
+    ends = np.repeat(ends, np.abs(balance), axis=0)
+    corners, index = np.unique(ends, return_inverse=True)
+    index = index.reshape(ends.shape)
+    graph = coo_matrix(
+        (np.ones(len(index), dtype=np.int8), (index[:, 0], index[:, 1])),
+        shape=(len(corners), len(corners)),
+    )
+    count, hole = connected_components(graph, directed=False)
+    members = np.bincount(hole, minlength=count)
+    middles = np.stack(
+        [np.bincount(hole, vertices[corners, d], minlength=count) / members for d in range(3)],
+        axis=1,
+    )
+    return np.stack(
+        [vertices[ends[:, 0]], vertices[ends[:, 1]], middles[hole[index[:, 0]]]], axis=1
+    )
+
+
+def tetrahedra(triangles: Array) -> Array:
+    """Signed volumes (m,) [m^3] of the tetrahedra between triangles (m, 3, 3) and the origin."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0

@@ -14,22 +14,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
 from gpis_grasp_planner.geometry.formats.glb import read_glb
 from gpis_grasp_planner.geometry.formats.obj import read_obj
 from gpis_grasp_planner.geometry.formats.off import read_off
-from gpis_grasp_planner.geometry.formats.parsed_mesh import ParsedMesh, Piece
+from gpis_grasp_planner.geometry.formats.parsed_mesh import Array, Index, ParsedMesh, Piece
 from gpis_grasp_planner.geometry.formats.ply import read_ply
 from gpis_grasp_planner.geometry.formats.step import read_step
 from gpis_grasp_planner.geometry.formats.stl import read_stl
 from gpis_grasp_planner.geometry.formats.threemf import read_3mf
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.units import UNITS, known_units
-
-Array = NDArray[np.float64]
 
 READERS: dict[str, Callable[[bytes, str, int], ParsedMesh]] = {
     ".stl": read_stl,
@@ -187,8 +184,9 @@ def parse_mesh(
         faces = faces[piece.first : piece.end]
         notes.append(f"Of {len(parsed.pieces)} bodies only '{piece.name}' is the part.")
     metres = scale * (1.0 if parsed.own_unit else UNITS[unit])
+    vertices, faces = _used(parsed.vertices, faces)
     judged = judge(
-        parsed.vertices * metres,
+        vertices * metres,
         faces,
         name=name,
         unit="its own unit" if parsed.own_unit else unit,
@@ -225,6 +223,15 @@ def _read(data: bytes, suffix: str, name: str, settings: CatalogueSettings) -> P
             f"{name} ({len(data)} bytes) needs more memory than there is. Simplify the mesh.",
             ErrorCode.MESH_TOO_LARGE,
         ) from None
+
+
+def _used(vertices: Array, faces: Index) -> tuple[Array, Index]:
+    """Without vertices that no face uses: neither NaN nor a far one there says anything."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces.reshape(-1)] = True
+    if used.all():
+        return vertices, faces
+    return vertices[used], (np.cumsum(used) - 1)[faces]
 
 
 def _chosen(parsed: ParsedMesh, body: str | int, name: str) -> Piece:

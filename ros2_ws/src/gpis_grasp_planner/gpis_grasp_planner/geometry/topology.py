@@ -61,7 +61,9 @@ def find_edges(faces: Faces) -> Edges:
     size = int(faces.max(initial=0)) + 1
     key = low * size + high
     order = np.argsort(key, kind="stable")
-    keys, start, uses = np.unique(key[order], return_index=True, return_counts=True)
+    key = key[order]
+    start = np.flatnonzero(np.diff(key, prepend=-1))
+    keys, uses = key[start], np.diff(start, append=len(key))
     direction = np.where(tail < head, 1, -1)[order]
     balance = np.add.reduceat(direction, start) if len(start) else np.zeros(0, dtype=np.int64)
     first = start[uses == 2]
@@ -83,13 +85,13 @@ def bodies(faces: Faces) -> tuple[int, Index]:
     return len(names), labels.astype(np.int64)
 
 
-def faces_to_flip(edges: Edges, n_faces: int) -> tuple[NDArray[np.bool_], bool]:
-    """Which faces to turn so that neighbours agree, and whether that is possible at all.
+def faces_to_flip(edges: Edges, n_faces: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which faces (m,) to turn so that neighbours agree, and of which (m,) that is impossible.
 
     Each face stands twice in a graph, as it is and flipped; neighbours that agree link equal
     copies, others link opposite ones. A component of the graph is one consistent choice; of the
-    two choices of a piece, the one that turns fewer faces is taken. A one-sided surface (a
-    Moebius strip) has both copies of a face in one component.
+    two choices of a piece, the one that turns fewer faces is taken. A one-sided piece (a Moebius
+    strip) has both copies of a face in one component; it is left as it is.
     """
     i, j = edges.pairs[:, 0], edges.pairs[:, 1]
     shift = np.where(edges.agree, 0, n_faces)
@@ -99,8 +101,6 @@ def faces_to_flip(edges: Edges, n_faces: int) -> tuple[NDArray[np.bool_], bool]:
     graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
     count, label = connected_components(graph, directed=False)
     as_is, flipped = label[:n_faces], label[n_faces:]
-    if (as_is == flipped).any():
-        return np.zeros(n_faces, dtype=bool), False
     kept = np.bincount(as_is, minlength=count)
     turned = np.bincount(flipped, minlength=count)
     # Component c keeps `kept[c]` faces as they are and turns `turned[c]`; its mirror image does
@@ -110,4 +110,4 @@ def faces_to_flip(edges: Edges, n_faces: int) -> tuple[NDArray[np.bool_], bool]:
     np.minimum.at(first, as_is, np.arange(n_faces))
     worse = kept[as_is] < turned[as_is]
     tie = kept[as_is] == turned[as_is]
-    return worse | (tie & (first[as_is] > first[flipped])), True
+    return worse | (tie & (first[as_is] > first[flipped])), as_is == flipped

@@ -1,7 +1,7 @@
 """A tree of axis-aligned boxes over the triangles of a mesh, and exact nearest-point queries.
 
 The tree is four flat arrays, so that compiled loops can walk it without objects. Building it
-takes some 5 ms per 1000 triangles; a nearest-point query 1 to 3 us.
+takes some 0.5 ms per 1000 triangles; a nearest-point query 1 to 3 us.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ class TriangleTree:
         Corners of the nodes' boxes; node 0 is the root.
     child : (n, 2) int array
         Children of an inner node, or (-1 - first, count) for a leaf.
+    faces : (m,) int array
+        The mesh's face that each triangle is; those without area are left out.
     """
 
     triangles: Array
@@ -42,6 +44,7 @@ class TriangleTree:
     lower: Array
     upper: Array
     child: NDArray[np.int64]
+    faces: NDArray[np.int64]
 
     @staticmethod
     def of(mesh: TriangleMesh, on_share: Callable[[float], None] = lambda _: None) -> TriangleTree:
@@ -49,43 +52,29 @@ class TriangleTree:
 
         `on_share` is called every few ms with the share that is done, and may raise to end it.
         """
-        solid = mesh.face_areas > 0.0
-        triangles = mesh.triangles[solid]
-        normals = mesh.face_normals_outward[solid]
+        faces = np.flatnonzero(mesh.face_areas > 0.0)
+        triangles = mesh.triangles[faces]
         low, high, middle = triangles.min(axis=1), triangles.max(axis=1), triangles.mean(axis=1)
         order = np.arange(len(triangles))
-        lower: list[Array] = []
-        upper: list[Array] = []
-        child: list[tuple[int, int]] = []
-        pending = [(0, len(order), -1, 0)]
-        while pending:
-            first, last, parent, side = pending.pop()
-            node = len(child)
-            if parent >= 0:
-                pair = list(child[parent])
-                pair[side] = node
-                child[parent] = (pair[0], pair[1])
-            members = order[first:last]
-            lower.append(low[members].min(axis=0))
-            upper.append(high[members].max(axis=0))
-            if node % _NODES_A_CALL == 0:
-                on_share(1.0 - last / len(order))
-            if last - first <= _LEAF:
-                child.append((-1 - first, last - first))
-                continue
-            axis = int(np.argmax(np.ptp(middle[members], axis=0)))
-            half = (last - first) // 2
-            split = np.argpartition(middle[members, axis], half)
-            order[first:last] = members[split]
-            child.append((0, 0))
-            pending.append((first, first + half, node, 0))
-            pending.append((first + half, last, node, 1))
+        size = 2 * len(triangles) + 1
+        lower, upper = np.empty((size, 3)), np.empty((size, 3))
+        child = np.zeros((size, 2), dtype=np.int64)
+        pending = np.zeros((64, 4), dtype=np.int64)  # first, last, parent, side
+        pending[0] = (0, len(triangles), -1, 0)
+        waiting, nodes = 1, 0
+        while waiting:
+            on_share(1.0 - pending[waiting - 1, 1] / len(order))
+            waiting, nodes = _split_nodes(
+                middle, low, high, order, lower, upper, child, pending, waiting, nodes,
+                nodes + _NODES_A_CALL,
+            )  # fmt: skip
         return TriangleTree(
             np.ascontiguousarray(triangles[order]),
-            np.ascontiguousarray(normals[order]),
-            np.array(lower),
-            np.array(upper),
-            np.array(child, dtype=np.int64),
+            np.ascontiguousarray(mesh.face_normals_outward[faces[order]]),
+            lower[:nodes].copy(),
+            upper[:nodes].copy(),
+            child[:nodes].copy(),
+            faces[order],
         )
 
     def nearest(self, points: Array) -> tuple[Array, Array, NDArray[np.int64]]:
@@ -97,6 +86,66 @@ class TriangleTree:
             self.upper,
             self.child,
         )
+
+
+@njit
+def _select(order, first, last, nth, values, axis):  # type: ignore[no-untyped-def]
+    """Move the entry of rank nth - first of order[first:last] to its place (Hoare's selection)."""
+    left, right = first, last - 1
+    while left < right:
+        pivot = values[order[(left + right) // 2], axis]
+        i, j = left, right
+        while i <= j:
+            while values[order[i], axis] < pivot:
+                i += 1
+            while values[order[j], axis] > pivot:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if nth <= j:
+            right = j
+        elif nth >= i:
+            left = i
+        else:
+            return
+
+
+@njit
+def _split_nodes(  # type: ignore[no-untyped-def]
+    middle, low, high, order, lower, upper, child, pending, waiting, nodes, end
+):
+    """Make nodes of what is pending, up to `end` of them; returns (waiting, nodes)."""
+    while waiting > 0 and nodes < end:
+        waiting -= 1
+        first, last, parent, side = pending[waiting]
+        if parent >= 0:
+            child[parent, side] = nodes
+        axis, widest = 0, -1.0
+        for d in range(3):
+            box_low, box_high, middle_low, middle_high = np.inf, -np.inf, np.inf, -np.inf
+            for n in range(first, last):
+                t = order[n]
+                box_low = min(box_low, low[t, d])
+                box_high = max(box_high, high[t, d])
+                middle_low = min(middle_low, middle[t, d])
+                middle_high = max(middle_high, middle[t, d])
+            lower[nodes, d], upper[nodes, d] = box_low, box_high
+            if middle_high - middle_low > widest:
+                axis, widest = d, middle_high - middle_low
+        if last - first <= _LEAF:
+            child[nodes, 0], child[nodes, 1] = -1 - first, last - first
+        else:
+            half = first + (last - first) // 2
+            _select(order, first, last, half, middle, axis)
+            pending[waiting, 0], pending[waiting, 1] = first, half
+            pending[waiting, 2], pending[waiting, 3] = nodes, 0
+            pending[waiting + 1, 0], pending[waiting + 1, 1] = half, last
+            pending[waiting + 1, 2], pending[waiting + 1, 3] = nodes, 1
+            waiting += 2
+        nodes += 1
+    return waiting, nodes
 
 
 @njit

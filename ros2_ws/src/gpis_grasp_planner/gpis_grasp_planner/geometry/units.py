@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
-from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 0.0254, "in": 0.0254}
 _NAMES = {"m": "metres", "mm": "millimetres"}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.grasp.constraint import ClosedHands, Constraint, allowed
+from gpis_grasp_planner.grasp.constraint import ClosedHands, Constraint, Verdict, allowed
 from gpis_grasp_planner.grasp.evaluator import (
     Attempts,
     AttemptStatus,
@@ -18,8 +19,12 @@ from gpis_grasp_planner.grasp.evaluator import (
 )
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 
 Array = NDArray[np.float64]
+
+# Starts nearer to the grasp, where the way of open fingers is blocked: before the first contact.
+_BACK_RAD = (0.5, 0.2)
 
 
 class ConstrainedEvaluator:
@@ -81,12 +86,24 @@ class ConstrainedEvaluator:
         return self._evaluator.n_states
 
     def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
+        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad].
+
+        Where the way of open fingers is blocked the hand starts narrower, and `start_joints` say
+        so: the fingers have no memory before their first contact, so that the grasp is the same.
+        """
         if not self.constraints:
             return self._evaluator.attempt(T_object_palm, spread)
-        free = self._screen(T_object_palm, open_postures(self._hand, spread))
+        opened = open_postures(self._hand, spread)
+        free = self._screen(T_object_palm, opened, palm=True)
         made = self._evaluator.attempt(T_object_palm[free], spread[free])
-        return self._judged(_among(made, free, T_object_palm, spread, None))
+        made = replace(made, start_joints=opened[free])
+        attempts = _among(made, free, T_object_palm, opened, spread)
+        found = self._judge(attempts, _grasped(attempts))
+        for back in _BACK_RAD:
+            if not found.blocked.any():
+                break
+            attempts, found = self._narrowed(attempts, found, back)
+        return self._marked(attempts, found)
 
     def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]."""
@@ -96,7 +113,8 @@ class ConstrainedEvaluator:
         made = self._evaluator.attempt_from(T_object_palm[free], joints[free])
         spreading = [f.spread_joint for f in self._hand.fingers if f.spread_joint >= 0]
         spread = joints[:, spreading].mean(axis=1) if spreading else np.zeros(len(joints))
-        return self._judged(_among(made, free, T_object_palm, spread, joints))
+        attempts = _among(made, free, T_object_palm, joints, spread)
+        return self._marked(attempts, self._judge(attempts, _grasped(attempts)))
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
         """Hands at given motor angles; see the protocol."""
@@ -121,62 +139,111 @@ class ConstrainedEvaluator:
             return energy
         return np.where(allowed(self.constraints, T_object_palm, joints), energy, np.inf)
 
-    def _screen(self, T: Array, joints: Array) -> NDArray[np.bool_]:
+    def _screen(self, T: Array, joints: Array, palm: bool = False) -> NDArray[np.bool_]:
         free = np.ones(len(T), dtype=np.bool_)
         for constraint in self.constraints:
+            allows = constraint.allows_palm if palm else constraint.allows
             before = int(free.sum())
             if not before:
                 break
-            free[free] = constraint.allows(T[free], joints[free])
+            free[free] = allows(T[free], joints[free])
             if lost := before - int(free.sum()):
                 self.screened[constraint.name] += lost
         return free
 
-    def _judged(self, attempts: Attempts) -> Attempts:
-        closed = (attempts.status == AttemptStatus.GRASPED) & (attempts.epsilon > 0.0)
-        rows = np.flatnonzero(closed)
-        bad = np.zeros(len(attempts), dtype=np.bool_)
-        shift = np.zeros((len(attempts), 3))
+    def _narrowed(
+        self, attempts: Attempts, found: Verdict, back: float
+    ) -> tuple[Attempts, Verdict]:
+        """Start the blocked hands at most `back` [rad] before their fingers' first contact."""
+        rows = np.flatnonzero(found.blocked)
+        spread, _ = motors_from_joints(self._hand, attempts.joints[rows])
+        inner = attempts.joints[rows][:, [finger.inner_joint for finger in self._hand.fingers]]
+        start = joints_from_motors(self._hand, spread, np.maximum(inner - back, 0.0))
+        wide = attempts.start_joints
+        assert wide is not None
+        trial = replace(attempts, start_joints=_with_rows(wide, rows, start))
+        seen = self._judge(trial, rows)
+        cause, shift = found.cause.copy(), _with_rows(found.shift, rows, seen.shift[rows])
+        cause[rows[seen.blocked[rows]]] = seen.cause[rows[seen.blocked[rows]]]
+        clear = rows[~seen.blocked[rows]]
+        if not len(clear):
+            return attempts, Verdict(cause, shift)
+        # The part may be in the way of a hand that starts narrower.
+        again = self._evaluator.attempt_from(
+            attempts.T_object_palm[clear], start[~seen.blocked[rows]]
+        )
+        good = self._judge(again, _grasped(again))
+        kept = np.zeros(len(again), dtype=np.bool_)
+        kept[_grasped(again)] = True
+        kept &= ~good.blocked
+        cause[clear[kept]] = None
+        merged: dict[str, Any] = {
+            field.name: _with_rows(
+                getattr(attempts, field.name), clear[kept], getattr(again, field.name)[kept]
+            )
+            for field in fields(attempts)
+            if getattr(attempts, field.name) is not None
+        }
+        return replace(attempts, **merged), Verdict(cause, shift)
+
+    def _judge(self, attempts: Attempts, rows: NDArray[np.intp]) -> Verdict:
+        """What the constraints say of some rows of attempts; the others are clear."""
+        verdict = Verdict.clear(len(attempts))
         hands = ClosedHands.of(self._hand, attempts, rows, self._retreat)
         for constraint in self.constraints:
             if not len(rows):
                 break
-            verdict = constraint.verdict(hands)
-            objects = verdict.blocked
-            self.blocked.update(verdict.cause[objects])
-            bad[rows[objects]] = True
-            shift[rows[objects]] = verdict.shift[objects]
+            found = constraint.verdict(hands)
+            objects = found.blocked
+            verdict.cause[rows[objects]] = found.cause[objects]
+            verdict.shift[rows[objects]] = found.shift[objects]
             rows, hands = rows[~objects], hands.only(~objects)
+        return verdict
+
+    def _marked(self, attempts: Attempts, found: Verdict) -> Attempts:
+        bad = found.blocked
+        self.blocked.update(found.cause[bad])
         return replace(
             attempts,
             status=np.where(bad, AttemptStatus.BLOCKED, attempts.status),
             epsilon=np.where(bad, -1.0, attempts.epsilon),
             volume=np.where(bad, 0.0, attempts.volume),
-            shift=shift,
+            shift=np.where(bad[:, None], found.shift, 0.0),
         )
+
+
+def _grasped(attempts: Attempts) -> NDArray[np.intp]:
+    """Rows with force closure."""
+    return np.flatnonzero((attempts.status == AttemptStatus.GRASPED) & (attempts.epsilon > 0.0))
+
+
+def _with_rows(values: Array, rows: NDArray[np.intp], new: Array) -> Array:
+    """A copy with other rows (n, ...) at the given places."""
+    values = np.array(values)
+    values[rows] = new
+    return values
 
 
 def _among(
     made: Attempts,
     free: NDArray[np.bool_],
     T_object_palm: Array,
+    joints: Array,
     spread: Array,
-    start: Array | None,
 ) -> Attempts:
     """The attempts of the free rows, among rows that were not tried."""
     if free.all():
         return made
-    n, values = len(free), {}
+    n = len(free)
+    values: dict[str, Any] = {}
     for field in fields(made):
         value = getattr(made, field.name)
-        if isinstance(value, np.ndarray):
+        if value is not None:
             values[field.name] = np.zeros((n, *value.shape[1:]), dtype=value.dtype)
             values[field.name][free] = value
     values["status"][~free] = AttemptStatus.BLOCKED
     values["epsilon"][~free] = -1.0
     values["T_object_palm"][~free] = T_object_palm[~free]
     values["spread"][~free] = spread[~free]
-    if start is not None:
-        values["start_joints"][~free] = start[~free]
-        values["joints"][~free] = start[~free]
+    values["joints"][~free] = values["start_joints"][~free] = joints[~free]
     return Attempts(**values)

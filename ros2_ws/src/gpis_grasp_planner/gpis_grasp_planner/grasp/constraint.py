@@ -148,6 +148,11 @@ class Constraint(Protocol):
         """What it is called in counts and messages."""
         ...
 
+    @property
+    def approach_axis(self) -> Array | None:
+        """Direction (3,) in the object's frame in which hands most likely may come, if any."""
+        return None
+
     def allows(self, T_object_palm: Array, joints: Array, /) -> NDArray[np.bool_]:
         """Which hands (B, 4, 4) in start postures (B, J) may approach and begin to close: (B,).
 
@@ -155,10 +160,17 @@ class Constraint(Protocol):
         """
         ...
 
-    def nearest(self, T_object_palm: Array, joints: Array, /) -> Array:
-        """The hands moved to the nearest allowed pose (B, 4, 4), where the constraint knows one.
+    def allows_palm(self, T_object_palm: Array, joints: Array, /) -> NDArray[np.bool_]:
+        """Which hands (B, 4, 4) may be there at all, however far their fingers are closed: (B,).
 
-        Hands that are allowed, and those that it knows nothing for, stay where they are.
+        Looks at the links that the closing does not move, with the spread of `joints` (B, J).
+        """
+        ...
+
+    def nearest(self, T_object_palm: Array, joints: Array, /) -> Array:
+        """The hands moved to the nearest pose that is allowed (B, 4, 4), where one is known.
+
+        Hands that are there already, and those that it knows nothing for, stay where they are.
         """
         del joints
         return np.array(T_object_palm, dtype=float)
@@ -171,11 +183,8 @@ class Constraint(Protocol):
 def allowed(
     constraints: tuple[Constraint, ...], T_object_palm: Array, joints: Array
 ) -> NDArray[np.bool_]:
-    """Which hands (B, 4, 4), (B, J) every constraint allows (B,); each asks for the rest only."""
+    """Which hands (B, 4, 4), (B, J) every constraint allows (B,)."""
     free = np.ones(len(T_object_palm), dtype=np.bool_)
     for constraint in constraints:
-        rows = np.flatnonzero(free)
-        if not len(rows):
-            break
-        free[rows] = constraint.allows(T_object_palm[rows], joints[rows])
+        free[free] = constraint.allows(T_object_palm[free], joints[free])
     return free

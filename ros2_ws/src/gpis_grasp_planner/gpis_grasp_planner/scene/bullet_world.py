@@ -163,11 +163,12 @@ def concave_bodies(client: BulletClient, mesh: TriangleMesh) -> list[int]:
     """
     bodies = []
     for first in range(0, len(mesh.faces), TRIANGLES_PER_BODY):
-        vertices, faces = mesh.vertices, mesh.faces[first : first + TRIANGLES_PER_BODY]
-        if len(faces) < len(mesh.faces):
-            used, faces = np.unique(faces, return_inverse=True)
+        some: Faces = mesh.faces[first : first + TRIANGLES_PER_BODY]
+        vertices = mesh.vertices
+        if len(some) < len(mesh.faces):
+            used, some = np.unique(some, return_inverse=True)
             vertices = vertices[used]
-        shape = _lists.shape(client, vertices, faces)
+        shape = _lists.shape(client, vertices, some)
         body = client.createMultiBody(baseMass=0.0, baseCollisionShapeIndex=shape)
         client.changeDynamics(body, -1, collisionMargin=0.0)
         bodies.append(int(body))

@@ -105,8 +105,9 @@ class CompiledEvaluator:
         postures_many(
             self._hand,
             self._object,
-            np.ascontiguousarray(T_object_palm, dtype=float),
-            np.ascontiguousarray(motors, dtype=float),
+            # Writable as well: read-only arrays are another type, and would compile all again.
+            np.require(T_object_palm, float, ("C", "W")),
+            np.require(motors, float, ("C", "W")),
             self.settings.closing_gap_m,
             result.joints,
             result.points,

@@ -104,8 +104,10 @@ def attempt_many(
     for b in range(T.shape[0]):
         for k in range(hand.spread_joints.shape[0]):
             start[b, hand.spread_joints[k]] = spread[b]
+    # Of NumPy's type: a literal False would be a type of its own, and all compiled for it again.
+    check_start = np.bool_(False)
     attempt_many_from(
-        hand, obj, T, start, False, gap, threshold, edges, retreat, directions, n_starts,
+        hand, obj, T, start, check_start, gap, threshold, edges, retreat, directions, n_starts,
         n_starts_good, status, count, epsilon, volume, joints, positions, normals, friction, links,
     )  # fmt: skip
 

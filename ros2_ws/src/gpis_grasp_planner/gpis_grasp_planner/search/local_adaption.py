@@ -27,6 +27,7 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.evaluator import Attempts, GraspEvaluator
+from gpis_grasp_planner.search.hand_fitting import HandFitting
 from gpis_grasp_planner.search.settings import AdaptionSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 
@@ -67,6 +68,8 @@ class LocalAdaption:
     max_radius : float [m]
         The object's largest radius.
     settings : AdaptionSettings
+    fitting : HandFitting, optional
+        Closes the hands where there are constraints; else the evaluator does.
     """
 
     def __init__(
@@ -76,8 +79,11 @@ class LocalAdaption:
         T_palm_face: Array,
         max_radius: float,
         settings: AdaptionSettings,
+        fitting: HandFitting | None = None,
     ):
         self.evaluator = evaluator
+        self._close = evaluator.attempt if fitting is None else fitting.attempt
+        self._approach_axis = None if fitting is None else fitting.approach_axis
         self.atlas = atlas
         self.settings = settings
         self.T_palm_face = T_palm_face
@@ -93,6 +99,7 @@ class LocalAdaption:
             context.T_palm_face,
             context.max_radius,
             context.settings.adaption,
+            HandFitting(context),
         )
 
     def __call__(
@@ -119,8 +126,12 @@ class LocalAdaption:
             u = _disc(n_seed, self._radius, rng)
             center = chart.points(u)
             R = palm_against(T_object_face[k, :3, :3], chart.normal_outward)
-            origin = center + self._face_height * chart.normal_outward
-            poses.append(transform(np.broadcast_to(R, (n_seed, 3, 3)), origin))
+            if self._approach_axis is None:
+                origin = center + self._face_height * chart.normal_outward
+                poses.append(transform(np.broadcast_to(R, (n_seed, 3, 3)), origin))
+            else:
+                R_seed = self._tilted(R, self._approach_axis, rng)
+                poses.append(transform(R_seed, center - self._face_height * R_seed[:, :, 2]))
             normals.append(np.broadcast_to(chart.normal_outward, (n_seed, 3)))
             owner.append(np.full(n_seed, k))
         if not poses:
@@ -135,7 +146,7 @@ class LocalAdaption:
         T, free = self.evaluator.clear_palm(
             np.concatenate(poses), np.concatenate(normals), spread, standoff
         )
-        attempts = self.evaluator.attempt(T[free], spread[free])
+        attempts = self._close(T[free], spread[free])
         return Adapted(attempts, proposal[free], standoff[free])
 
     def destination(self, T_object_face: Array) -> Array:
@@ -146,6 +157,21 @@ class LocalAdaption:
         index, points = self.atlas.nearest(T_object_face[:, :3, 3])
         normals = self.atlas.surface.normals_outward[index]
         return transform(palm_against(T_object_face[:, :3, :3], normals), points)
+
+    def _tilted(self, R: Array, axis: Array, rng: np.random.Generator) -> Array:
+        """Rotations (n_seed, 3, 3) of one proposal, some turned part of the way to an axis.
+
+        A palm that lies flat on the side of a part has half of its fingers under the table.
+        """
+        n = self.settings.n_seed
+        part = np.where(rng.random(n) < self.settings.tilt_share, rng.random(n), 0.0)
+        part[0] = 0.0
+        turn_axis = np.cross(R[:, 2], axis)
+        sine = np.linalg.norm(turn_axis)
+        angle = np.arctan2(sine, R[:, 2] @ axis)
+        turn_axis = R[:, 0] if sine < 1e-9 else turn_axis / sine
+        turn = Rotation.from_rotvec((part * angle)[:, None] * turn_axis).as_matrix()
+        return np.asarray(turn @ R)
 
     def _posture(self, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
         s = self.settings

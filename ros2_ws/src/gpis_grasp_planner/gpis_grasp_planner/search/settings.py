@@ -53,6 +53,13 @@ class AdaptionSettings(SettingsGroup):
         high=1.0,
         description="Share of the seeds that draw spread and standoff freely all the same.",
     )
+    tilt_share: float = setting(
+        0.5,
+        low=0.0,
+        high=1.0,
+        description="Where constraints know a direction to come from, such as from above: share "
+        "of the seeds whose palm is turned part of the way to it.",
+    )
     spread_max_deg: float = setting(
         180.0, low=0.0, high=180.0, description="Largest spread that seeds draw."
     )
@@ -111,7 +118,11 @@ class HppSettings(SettingsGroup):
         "the seeds of the local adaption draw them.",
     )
     volume_weight: float = setting(
-        0.5, low=0.0, high=100.0, description="lambda of the objective: epsilon + lambda volume."
+        0.5,
+        low=0.0,
+        high=100.0,
+        description="lambda of the objective: epsilon + lambda volume.",
+        common=True,
     )
     palm_clearance_m: float = setting(
         0.12,

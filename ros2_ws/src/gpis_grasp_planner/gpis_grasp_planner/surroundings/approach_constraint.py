@@ -36,9 +36,18 @@ class ApproachConstraint(Constraint):
         """The same as the cause."""
         return str(Cause.DIRECTION)
 
+    @property
+    def approach_axis(self) -> Array:
+        """The cone's axis (3,)."""
+        return self._axis
+
     def allows(self, T_object_palm: Array, _joints: Array, /) -> NDArray[np.bool_]:
         """Which palms point into the cone (B,)."""
         return np.asarray(self._angles(T_object_palm) <= self._half_angle + _ROUNDING)
+
+    def allows_palm(self, T_object_palm: Array, _joints: Array, /) -> NDArray[np.bool_]:
+        """The same: it is the palm that points."""
+        return self.allows(T_object_palm, _joints)
 
     def nearest(self, T_object_palm: Array, _joints: Array, /) -> Array:
         """The palms (B, 4, 4) turned about their face by the smallest angle into the cone."""

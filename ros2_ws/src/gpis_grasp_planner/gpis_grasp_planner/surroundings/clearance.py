@@ -32,6 +32,7 @@ from gpis_grasp_planner.surroundings.obstacles import (
     SupportPlane,
     Surroundings,
 )
+from gpis_grasp_planner.surroundings.plane_heights import lowest_heights
 from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh, sweeps_to_polytope
 
 Array = NDArray[np.float64]
@@ -181,11 +182,17 @@ def phases(pieces: HandPieces, motions: HandMotions) -> list[Phase]:
     ]
 
 
-def approach_phase(pieces: HandPieces, T: Array, back: Array) -> Phase:
-    """The approach of whole hands at link poses (B, L, 4, 4) from (B, 3) [m] farther back."""
-    everything = np.arange(len(pieces.link))
-    first, last = shifted(T, back)[:, pieces.link], T[:, pieces.link]
-    return _moves(pieces, Cause.APPROACH, everything, first, last)
+def approach_phase(
+    pieces: HandPieces, T: Array, back: Array, members: Index | None = None
+) -> Phase:
+    """The approach of hands at link poses (B, L, 4, 4) from (B, 3) [m] farther back.
+
+    Of all pieces, or of `members` (K,) only.
+    """
+    if members is None:
+        members = np.arange(len(pieces.link))
+    link = pieces.link[members]
+    return _moves(pieces, Cause.APPROACH, members, shifted(T, back)[:, link], T[:, link])
 
 
 def _moves(pieces: HandPieces, cause: Cause, members: Index, T_0: Array, T_1: Array) -> Phase:
@@ -263,12 +270,7 @@ def _balls(pieces: HandPieces) -> tuple[Array, Array]:
 def lowest(pieces: HandPieces, piece: Index, T: Array, plane: SupportPlane) -> Array:
     """Height (B,) [m] over a plane of the lowest vertex of pieces (K,) at poses (B, K, 4, 4)."""
     height = np.full(len(T), np.inf)
-    for number in np.unique(piece):
-        at = T[:, piece == number]
-        down = np.einsum("bkij,i->bkj", at[..., :3, :3], plane.normal)
-        base = (at[..., :3, 3] - plane.point) @ plane.normal
-        vertices = pieces.vertices[pieces.start[number] : pieces.start[number + 1]]
-        height = np.minimum(height, ((down @ vertices.T).min(axis=-1) + base).min(axis=1))
+    lowest_heights(pieces.vertices, pieces.start, piece, T, plane.point, plane.normal, height)
     return height
 
 

@@ -16,6 +16,7 @@ class ClearanceSettings(SettingsGroup):
         low=1e-4,
         high=0.1,
         description="Smallest distance of hand and surroundings on the whole way to the grasp.",
+        common=True,
     )
     pregrasp: str = setting(
         "narrow",

@@ -55,11 +55,21 @@ class ObstacleConstraint(Constraint):
 
     def allows(self, T_object_palm: Array, joints: Array) -> NDArray[np.bool_]:
         """Which hands keep the margin on the approach and before they close (B,)."""
+        return self._keeps(T_object_palm, joints, np.arange(len(self._pieces.link)))
+
+    def allows_palm(self, T_object_palm: Array, joints: Array) -> NDArray[np.bool_]:
+        """The same of the links that the closing does not move (B,)."""
+        return self._keeps(T_object_palm, joints, np.flatnonzero(~self._pieces.moving))
+
+    def _keeps(
+        self, T_object_palm: Array, joints: Array, members: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
         free = np.ones(len(T_object_palm), dtype=np.bool_)
         if not len(free):
             return free
         T = T_object_palm[:, None] @ link_transforms(self._hand, joints)
-        way = approach_phase(self._pieces, T, -self._retreat * T_object_palm[:, :3, 2])
+        back = -self._retreat * T_object_palm[:, :3, 2]
+        way = approach_phase(self._pieces, T, back, members)
         margin = self._settings.margin_m
         for body in self._around.obstacles:
             rows = np.flatnonzero(free)

@@ -49,6 +49,10 @@ class RegionConstraint(Constraint):
         """Which hands keep from the region on the approach and before they close (B,)."""
         return self._body.allows(T_object_palm, joints)
 
+    def allows_palm(self, T_object_palm: Array, joints: Array) -> NDArray[np.bool_]:
+        """The same of the links that the closing does not move (B,)."""
+        return self._body.allows_palm(T_object_palm, joints)
+
     def verdict(self, closed: ClosedHands) -> Verdict:
         """Which closed hands touch the region or come too near on their way."""
         verdict = self._body.verdict(closed)

@@ -43,35 +43,40 @@ class SupportConstraint(Constraint):
         self.plane = plane
         self.margin_m = margin_m
         self._retreat = retreat_m
+        self._rigid = np.flatnonzero(~self._pieces.moving)
 
     @property
     def name(self) -> str:
         """The plane's name."""
         return self.plane.name
 
-    def heights(self, T_object_palm: Array, joints: Array) -> Array:
-        """Lowest height (B,) [m] of hands on their approach, its end included."""
-        T = T_object_palm[:, None] @ link_transforms(self._hand, joints)
-        height = lowest(
-            self._pieces, np.arange(len(self._pieces.link)), T[:, self._pieces.link], self.plane
-        )
-        return height - self._retreat * np.maximum(T_object_palm[:, :3, 2] @ self.plane.normal, 0.0)
+    @property
+    def approach_axis(self) -> Array:
+        """Straight down (3,)."""
+        return np.asarray(-self.plane.normal)
 
     def allows(self, T_object_palm: Array, joints: Array) -> NDArray[np.bool_]:
         """Which hands keep the margin on the approach and before they close (B,)."""
-        if not len(T_object_palm):
-            return np.zeros(0, dtype=np.bool_)
-        return np.asarray(self.heights(T_object_palm, joints) >= self.margin_m)
+        everything = np.arange(len(self._pieces.link))
+        return np.asarray(self._heights(T_object_palm, joints, everything) >= self.margin_m)
+
+    def allows_palm(self, T_object_palm: Array, joints: Array) -> NDArray[np.bool_]:
+        """The same of the links that the closing does not move (B,)."""
+        return np.asarray(self._heights(T_object_palm, joints, self._rigid) >= self.margin_m)
 
     def nearest(self, T_object_palm: Array, joints: Array) -> Array:
         """The hands lifted along the plane's normal (B, 4, 4) by what they lack."""
         T = np.array(T_object_palm, dtype=float)
-        if len(T):
-            lack = self.margin_m - self.heights(T, joints)
-            T[:, :3, 3] += (np.where(lack > 0.0, lack + _BEYOND_M, 0.0))[
-                :, None
-            ] * self.plane.normal
+        lack = self.margin_m - self._heights(T, joints, np.arange(len(self._pieces.link)))
+        T[:, :3, 3] += (np.where(lack > 0.0, lack + _BEYOND_M, 0.0))[:, None] * self.plane.normal
         return T
+
+    def _heights(self, T_object_palm: Array, joints: Array, members: NDArray[np.intp]) -> Array:
+        """Lowest height (B,) [m] of some pieces on their approach, its end included."""
+        T = T_object_palm[:, None] @ link_transforms(self._hand, joints)
+        height = lowest(self._pieces, members, T[:, self._pieces.link[members]], self.plane)
+        rise = T_object_palm[:, :3, 2] @ self.plane.normal
+        return np.asarray(height - self._retreat * np.maximum(rise, 0.0))
 
     def verdict(self, closed: ClosedHands) -> Verdict:
         """Which closed hands come too low, in which phase of their way, and by how much."""

@@ -67,6 +67,7 @@ def sweeps_to_mesh(  # type: ignore[no-untyped-def]
     t = np.zeros(3)
     low = np.empty(3)
     high = np.empty(3)
+    no_seed = np.int64(-1)  # no literal, which would be a type of its own
     for k in range(piece.shape[0]):
         first, last = start[piece[k]], start[piece[k] + 1]
         n = _sweep(vertices, first, last, T_0[k], T_1[k], work)
@@ -82,5 +83,5 @@ def sweeps_to_mesh(  # type: ignore[no-untyped-def]
                 low[a] = min(low[a], x)
                 high[a] = max(high[a], x)
         distance[k] = polytope_mesh(
-            work[:n], R, t, low, high, limit[k], -1, triangles, lower, upper, child
+            work[:n], R, t, low, high, limit[k], no_seed, triangles, lower, upper, child
         )

@@ -16,6 +16,7 @@ class UncertaintySettings(SettingsGroup):
         choices=("sampled", "unscented", "none"),
         description="Perturbations at random, or the sigma points of the unscented transform; "
         "none: covariances are not looked at.",
+        common=True,
     )
     samples: int = setting(
         64, low=2, high=10_000, description="Random perturbations per grasp, about 2 ms each."

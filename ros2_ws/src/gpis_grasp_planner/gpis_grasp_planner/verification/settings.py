@@ -12,9 +12,15 @@ class VerificationSettings(SettingsGroup):
     """The strict protocol; the physics' figures were chosen by the study in the documentation."""
 
     friction: float = setting(
-        0.6, low=0.0, high=5.0, description="Coulomb friction between hand and object."
+        0.6,
+        low=0.0,
+        high=5.0,
+        description="Coulomb friction between hand and object.",
+        common=True,
     )
-    mass_kg: float = setting(0.1, low=1e-3, high=6.0, description="Mass of the object.")
+    mass_kg: float = setting(
+        0.1, low=1e-3, high=6.0, description="Mass of the object.", common=True
+    )
     low_friction: float = setting(
         0.3, low=0.0, high=5.0, description="Friction of the trial with slippery fingers."
     )
@@ -55,10 +61,18 @@ class VerificationSettings(SettingsGroup):
         0.15, low=0.0, high=5.0, description="Time between the closing and the push."
     )
     noise_m: float = setting(
-        0.005, low=0.0, high=0.1, description="Distance by which a displaced part is moved."
+        0.005,
+        low=0.0,
+        high=0.1,
+        description="Distance by which a displaced part is moved.",
+        common=True,
     )
     noise_deg: float = setting(
-        5.0, low=0.0, high=90.0, description="Angle by which a displaced part is turned."
+        5.0,
+        low=0.0,
+        high=90.0,
+        description="Angle by which a displaced part is turned.",
+        common=True,
     )
     noise_repeats: int = setting(
         5, low=1, high=1000, description="Displacements that are tried per grasp."
@@ -68,7 +82,11 @@ class VerificationSettings(SettingsGroup):
         0.03, low=0.0, high=0.2, description="Way of the shake after the lift, each way."
     )
     processes: int = setting(
-        2, low=1, high=64, description="Finalists that are tried at a time, if there are cores."
+        2,
+        low=1,
+        high=64,
+        description="Finalists that are tried at a time, if there are cores.",
+        common=True,
     )
     budget_share: float = setting(
         0.5,

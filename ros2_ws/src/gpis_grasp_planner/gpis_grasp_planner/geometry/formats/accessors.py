@@ -92,7 +92,7 @@ class Accessors:
         length = int(description["byteLength"])
         data = self._bytes(int(description.get("buffer", 0)))
         row = kind.itemsize * width
-        stride = int(description.get("byteStride", row))
+        stride = int(description.get("byteStride", 0)) or row
         if start < 0 or stride < row or start + length > len(data):
             raise AccessorError(f"a view of {length} bytes does not fit into {len(data)}")
         if count and offset + stride * (count - 1) + row > length:

@@ -72,6 +72,10 @@ def parse_model(xml: bytes, max_faces: int) -> Model:
         raise ModelError(f"its model is not valid XML (line {error.lineno})") from None
     except (KeyError, ValueError) as error:
         line = reader.parser.CurrentLineNumber
+        if isinstance(error, ValueError) and "," in str(error):
+            raise ModelError(
+                f"a number in line {line} has a decimal comma ({str(error)[-20:]})"
+            ) from None
         raise ModelError(f"its model is damaged in line {line} ({str(error)[:40]})") from None
     return reader.model
 

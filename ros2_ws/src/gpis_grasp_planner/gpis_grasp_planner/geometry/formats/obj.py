@@ -17,7 +17,7 @@ from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     truncated,
 )
 from gpis_grasp_planner.geometry.formats.polygons import triangulate
-from gpis_grasp_planner.geometry.formats.recognise import refuse_foreign
+from gpis_grasp_planner.geometry.formats.recognise import refuse_bytes
 from gpis_grasp_planner.geometry.formats.words import Words, level, without_comments
 
 _BLOCK = 8_000_000
@@ -63,7 +63,7 @@ class _Content:
 
 def read_obj(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     """Read an OBJ file; indices may be relative, also between blocks of vertices."""
-    refuse_foreign(data, name, "OBJ")
+    refuse_bytes(data, name, "OBJ")
     content = _Content()
     for block in _blocks(data):
         _read_block(block, content, name)
@@ -76,6 +76,13 @@ def read_obj(data: bytes, name: str, max_faces: int) -> ParsedMesh:
         raise MeshError(
             f"{name} holds curved surfaces ('{curved[0]}', line {content.unknown[curved[0]]}) and "
             "no faces. Export it as a mesh of polygons.",
+            ErrorCode.MESH_EMPTY,
+        )
+    if triangles == 0 and content.unknown:
+        word, line = next(iter(content.unknown.items()))
+        raise MeshError(
+            f"{name} has no faces; its line {line} starts with {word!r}, which is no statement of "
+            "OBJ. Export it again, as a mesh.",
             ErrorCode.MESH_EMPTY,
         )
     check_face_count(triangles, name, max_faces)

@@ -16,7 +16,7 @@ from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     truncated,
 )
 from gpis_grasp_planner.geometry.formats.polygons import triangulate
-from gpis_grasp_planner.geometry.formats.recognise import refuse_foreign
+from gpis_grasp_planner.geometry.formats.recognise import refuse_bytes
 from gpis_grasp_planner.geometry.formats.words import Words, level, without_comments
 
 # The word may be glued to the first count ("OFF8 6 12"), as in a well-known collection.
@@ -30,6 +30,7 @@ class _Layout:
 
     vertices: Index  # (v, 3) words of coordinates
     sizes: Index  # (f,) words with the number of corners
+    passed_over: int = 0  # words after the last face
 
 
 def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
@@ -37,7 +38,7 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     text = without_comments(level(data))
     head = _HEAD.match(text) or _HEAD_ANY_CASE.match(text)
     if head is None:
-        refuse_foreign(data, name, "OFF")
+        refuse_bytes(data, name, "OFF")
     elif head["four"] or head["n"] or head["binary"]:
         kind = (head["kind"] + b" " + (head["binary"] or b"")).decode().strip()
         raise MeshError(
@@ -48,9 +49,7 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     end = head.end("kind") if head else 0
     words = Words(b" " * end + text[end:])
     variant = head["kind"].upper() if head else b"OFF"
-    n_vertices, n_faces, first = _counts(words, head is not None, name)
-    check_face_count(n_faces, name, max_faces)
-    layout = _layout(words, variant, n_vertices, n_faces, first, name)
+    layout, n_vertices = _found(words, variant, head is not None, name, max_faces)
     vertices = words.picked(layout.vertices.reshape(-1), name, "a coordinate").reshape(-1, 3)
     corners, counts = _polygons(words, layout, n_vertices, name)
     check_face_count(int(counts.sum()) - 2 * len(counts), name, max_faces)
@@ -58,22 +57,41 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     doubt = None
     if not data.endswith((b"\n", b"\r")):
         doubt = "it ends without a newline, perhaps within its last number"
-    return ParsedMesh(vertices, faces, doubt=doubt)
+    notes: tuple[str, ...] = ()
+    if layout.passed_over:
+        doubt = "words follow the faces that it counts"
+        notes = (f"{layout.passed_over} words after the last face were ignored.",)
+    return ParsedMesh(vertices, faces, notes=notes, doubt=doubt)
 
 
 def _integers(words: Words, chosen: Index) -> Index | None:
     return words.picked_integers(chosen, words.ends[chosen])
 
 
-def _counts(words: Words, has_head: bool, name: str) -> tuple[int, int, int]:
-    """Numbers of vertices and faces, and the first word after the counts.
+def _found(
+    words: Words, variant: bytes, has_head: bool, name: str, max_faces: int
+) -> tuple[_Layout, int]:
+    """The layout and the number of vertices.
 
-    The third count, of edges, is missing in some files: where just two stand on their line.
+    The third count, of edges, is missing in some files: where just two stand on their line, and
+    what follows fits them.
     """
     if len(words) < 2:
         raise truncated(name, "the counts of vertices and faces are missing")
     on_line = int((words.lines == words.lines[0]).sum())
-    taken = 2 if on_line == 2 else 3
+    error = None
+    for taken in (2, 3) if on_line == 2 else (3,):
+        n_vertices, n_faces = _counts(words, taken, on_line, has_head, name)
+        check_face_count(n_faces, name, max_faces)
+        try:
+            return _layout(words, variant, n_vertices, n_faces, taken, name), n_vertices
+        except MeshError as failed:
+            error = error or failed
+    assert error is not None
+    raise error
+
+
+def _counts(words: Words, taken: int, on_line: int, has_head: bool, name: str) -> tuple[int, int]:
     counts = _integers(words, np.arange(min(taken, len(words))))
     if counts is None or (counts < 0).any() or len(counts) < taken:
         what = "does not start with 'OFF'" if not has_head else "is damaged"
@@ -82,7 +100,7 @@ def _counts(words: Words, has_head: bool, name: str) -> tuple[int, int, int]:
             f"{name} {what}: its counts of vertices, faces and edges are '{shown[:60]}', they must "
             "be integers. Export it again."
         )
-    return int(counts[0]), int(counts[1]), taken
+    return int(counts[0]), int(counts[1])
 
 
 def _layout(
@@ -100,12 +118,29 @@ def _layout(
     at = first + step * n_vertices
     sizes_at = _stream(words, at, n_faces)
     if sizes_at is None:
+        found = _lines_before_others(words, lines, lengths, n_vertices, n_faces)
+        if found is not None:
+            return found
         raise truncated(
             name,
             f"its head promises {n_vertices} vertices and {n_faces} faces, {len(lines)} lines with "
             f"{len(words) - first} numbers follow",
         )
     return _Layout(first + step * np.arange(n_vertices)[:, None] + np.arange(3), sizes_at)
+
+
+def _lines_before_others(
+    words: Words, lines: Index, lengths: Index, n_vertices: int, n_faces: int
+) -> _Layout | None:
+    """One vertex and one face a line, and then what the counts do not speak of."""
+    end = n_vertices + n_faces
+    if len(lines) <= end or (lengths[:n_vertices] != lengths[0]).any() or lengths[0] < 3:
+        return None
+    sizes = _integers(words, lines[n_vertices:end])
+    if sizes is None or (sizes >= lengths[n_vertices:end]).any() or (sizes < 3).any():
+        return None
+    heads = lines[:n_vertices, None] + np.arange(3)
+    return _Layout(heads, lines[n_vertices:end], len(words) - int(lines[end]))
 
 
 def _stream(words: Words, at: int, n_faces: int) -> Index | None:

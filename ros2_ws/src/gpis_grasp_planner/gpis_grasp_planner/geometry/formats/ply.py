@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
@@ -24,6 +26,7 @@ from gpis_grasp_planner.geometry.formats.polygons import triangulate
 from gpis_grasp_planner.geometry.formats.recognise import BYTE_ORDER_MARK, refuse_foreign
 
 _CORNER_LISTS = ("vertex_indices", "vertex_index")
+_END_HEADER = re.compile(rb"[\r\n][ \t]*(end_header)[ \t]*(?=[\r\n])")
 _MOST_HEADER_BYTES = 1_000_000
 _RESTART = -1
 
@@ -67,9 +70,10 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
     if head.removeprefix(BYTE_ORDER_MARK).lstrip()[:3].lower() != b"ply":
         refuse_foreign(data, name, "PLY")
         raise MeshError(f"{name} does not start with 'ply': not a PLY file, or a damaged one.")
-    end = head.find(b"end_header")
-    if end < 0:
-        raise truncated(name, "its header has no 'end_header'")
+    end_mark = _END_HEADER.search(head)
+    if end_mark is None:
+        raise truncated(name, "its header has no 'end_header' on a line of its own")
+    end = end_mark.start(1)
     encoding = ""
     elements: list[Element] = []
     for line in head[:end].decode("ascii", "replace").splitlines():
@@ -82,10 +86,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
             elements[-1].properties.append(_property(words[1:], line, name))
     if encoding not in ("ascii", "binary_little_endian", "binary_big_endian"):
         raise MeshError(f"{name} has the unknown PLY format '{encoding[:40]}'.")
-    start = end + len(b"end_header")
-    line_end = min((i for i in (head.find(c, start) for c in (b"\n", b"\r")) if i >= 0), default=-1)
-    if line_end < 0 or head[start:line_end].strip():
-        raise truncated(name, "its header has no end of line after 'end_header'")
+    line_end = end_mark.end()
     # '\r\n' is one end of line; but a '\n' after '\r' is data where the header's ends are '\r'.
     two = head[line_end : line_end + 2] == b"\r\n" and b"\r\n" in head[:end]
     return encoding, elements, line_end + (2 if two else 1)

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FLAT = 1e-9  # area of what has none, relative to the polygon's own
+_ABSURD = 1e60
 _MOST_CORNERS = 20_000
 _CROSSING_ROWS = 512
 
@@ -48,6 +49,7 @@ def triangulate(vertices: Array, corners: Index, counts: Index, name: str) -> tu
     """
     if (counts == 3).all():
         return corners.reshape(-1, 3), np.arange(len(counts) + 1)
+    _check_finite(vertices, corners, counts, name)
     corners, counts = _without_repeats(vertices, corners, counts)
     start = np.concatenate([[0], np.cumsum(counts)])
     first = np.concatenate([[0], np.cumsum(counts - 2)])
@@ -58,6 +60,17 @@ def triangulate(vertices: Array, corners: Index, counts: Index, name: str) -> tu
         split = group[:, None, :] if count == 3 else _split(vertices, group, mine, name)
         faces[first[mine][:, None] + np.arange(count - 2)] = split
     return faces, first
+
+
+def _check_finite(vertices: Array, corners: Index, counts: Index, name: str) -> None:
+    bad = np.flatnonzero(~np.isfinite(vertices[corners]).all(axis=1))
+    if bad.size:
+        face = int(np.searchsorted(np.cumsum(counts), bad[0], side="right"))
+        raise MeshError(
+            f"{name}: face {face + 1} has a vertex that is not finite (vertex "
+            f"{corners[bad[0]] + 1}). Repair the mesh and export it again.",
+            ErrorCode.MESH_NOT_FINITE,
+        )
 
 
 def _without_repeats(vertices: Array, corners: Index, counts: Index) -> tuple[Index, Index]:
@@ -80,7 +93,8 @@ def _split(vertices: Array, group: Index, numbers: Index, name: str) -> Index:
     """Triangles (k, c - 2, 3) of k polygons with c corners each (k, c)."""
     k, count = group.shape
     points = vertices[group]
-    points = points - points[:, :1]
+    # Absurd coordinates are refused by the judge of meshes; squares of them must not overflow.
+    points = np.clip(points, -_ABSURD, _ABSURD) - np.clip(points[:, :1], -_ABSURD, _ABSURD)
     normals = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)
     double_area = np.linalg.norm(normals, axis=1)
     unit = normals / np.where(double_area > 0, double_area, 1.0)[:, None]

@@ -58,6 +58,8 @@ def foreign(data: bytes) -> tuple[str, str] | None:
         if packed_3mf:
             return "a ZIP archive, perhaps a 3MF file", "Name it .3mf, or unpack it"
         return "a ZIP archive", "Unpack it"
+    if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return "a binary STL file", "Name it .stl"
     head = data[:_HEAD].removeprefix(BYTE_ORDER_MARK)
     start = head[:64]
     every_second_is_zero = not any(start[0::2]) or not any(start[1::2])
@@ -81,6 +83,16 @@ def refuse_foreign(data: bytes, name: str, expected: str) -> None:
     raise MeshError(
         f"{name} is no {expected} file: it is {what}. {cure}.", ErrorCode.MESH_UNREADABLE
     )
+
+
+def refuse_bytes(data: bytes, name: str, expected: str) -> None:
+    """As :func:`refuse_foreign`, for a format that is text: zero bytes are not."""
+    refuse_foreign(data, name, expected)
+    if b"\0" in data[:_HEAD]:
+        raise MeshError(
+            f"{name} is no {expected} file: it is not a text. Export it again, or name it by its "
+            "format."
+        )
 
 
 def is_text(data: bytes) -> bool:

@@ -23,6 +23,7 @@ _ENTITY = re.compile(
     rb"SHELL_BASED_SURFACE_MODEL|NEXT_ASSEMBLY_USAGE_OCCURRENCE|GEOMETRIC_CURVE_SET|"
     rb"TESSELLATED_SOLID|TESSELLATED_SHELL)\s*\(((?:[^;']|'(?:[^';]|'')*')*)"
 )
+_MOST_BEFORE = 100_000
 _MOST_DEPTH = 64
 _STRING = re.compile(rb"'[^']*'")
 _REFERENCE = re.compile(rb"#(\d+)")
@@ -64,7 +65,7 @@ class StepPromise:
 def read_promise(data: bytes, name: str) -> StepPromise:
     """Check that a STEP text is whole, and count what it declares. About 0.1 s for 10 MB."""
     text = data.removeprefix(BYTE_ORDER_MARK)
-    start = _START.match(text)
+    start = _START.match(text[:_MOST_BEFORE])
     if start is None:
         refuse_foreign(data, name, "STEP")
         raise MeshError(

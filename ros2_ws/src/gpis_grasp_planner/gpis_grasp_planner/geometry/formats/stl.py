@@ -42,8 +42,9 @@ def read_stl(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     """
     if _binary_length(data) == len(data):
         return _read_binary(data, name, max_faces)
-    text = level(data[:1024])
-    if text.lstrip()[:5].lower() == b"solid" and is_text(data):
+    head = level(data[:4096]).lower()
+    looks_ascii = is_text(data) or (b"facet" in head and b"outer" in head)
+    if head.lstrip()[:5] == b"solid" and looks_ascii:
         return _read_ascii(data, name, max_faces)
     refuse_foreign(data, name, "STL")
     if is_text(data):
@@ -66,20 +67,21 @@ def _read_binary(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     whole, rest = divmod(len(data) - HEADER_BYTES, FACE_BYTES)
     notes: list[str] = []
     doubt = None
-    if count == 0 and whole > 0 and rest == 0:
+    if count == 0 and whole > 0:
         count = whole
         notes.append(f"The header counts no faces; by its length the file has {whole}.")
+        doubt = f"its header counts no faces, and {rest} bytes are left over" if rest else None
     elif count > whole:
         raise truncated(
             name,
-            f"its header promises {count} faces ({HEADER_BYTES + FACE_BYTES * count} bytes), the "
-            f"file has {len(data)} bytes",
+            f"as a binary STL its header promises {count} faces "
+            f"({HEADER_BYTES + FACE_BYTES * count} bytes), the file has {len(data)} bytes",
         )
     check_face_count(count, name, max_faces)
     extra = len(data) - HEADER_BYTES - FACE_BYTES * count
     if extra:
         notes.append(f"{extra} bytes after the last of {count} faces were ignored.")
-        if rest == 0:
+        if rest == 0 and doubt is None:
             doubt = f"its header counts {count} faces, and by its length it has {whole}"
     facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     facets = np.frombuffer(data, facet, count, HEADER_BYTES)

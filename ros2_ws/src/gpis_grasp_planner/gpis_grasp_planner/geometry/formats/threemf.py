@@ -70,6 +70,8 @@ class _Package:
 
     def _check_sizes(self, packed: int) -> None:
         entries = self._archive.infolist()
+        if any(e.flag_bits & 1 for e in entries):
+            raise ModelError("it is encrypted", ErrorCode.MESH_FORMAT_NOT_SUPPORTED)
         total = sum(e.file_size for e in entries)
         limit = max(_SMALL_BYTES, min(_MOST_BYTES, _MOST_RATIO * packed))
         if total > limit or len(entries) > _MOST_ENTRIES:

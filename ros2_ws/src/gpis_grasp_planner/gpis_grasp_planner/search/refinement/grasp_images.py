@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.hand.mirror import hand_mirror
+from gpis_grasp_planner.search.hand_fitting import HandFitting
 from gpis_grasp_planner.surface.near_symmetry import near_symmetries
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class GraspImages:
         self._context = context
         self._settings = context.settings.refinement
         self._known: set[bytes] = set()
+        self._fitting = HandFitting(context)
 
     def step(self) -> bool:
         """Try the images of the best listed grasp that has none; False if there is none."""
@@ -58,7 +60,7 @@ class GraspImages:
             if len(T):
                 self._known.update(_key(image) for image in T)
                 spread = np.full(len(T), grasp.spread)
-                context.archive.add(context.evaluator.attempt(T, spread))
+                context.archive.add(self._fitting.attempt(T, spread))
                 return True
         return False
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import inverse, rotation_angle, transform
+from gpis_grasp_planner.search.hand_fitting import HandFitting
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.search.context import PlanningContext
@@ -37,16 +38,21 @@ class Neighbourhood:
         self._rotation, self._spread = np.deg2rad([s.step_rotation_deg, s.step_spread_deg])
         self._spread_max = np.deg2rad(context.settings.adaption.spread_max_deg)
         self._T_palm_face = context.T_palm_face
+        self._fitting = HandFitting(context)
 
     def attempt(self, T_object_palm: Array, spread: float) -> tuple[Array, float, float]:
         """Try `samples` neighbours of a grasp: pose (4, 4), spread and objective of their best."""
         context = self._context
         T, spreads = self.draw(T_object_palm, spread, context.rng)
-        attempts = context.evaluator.attempt(T, spreads)
+        attempts = self._fitting.attempt(T, spreads)
         context.archive.add(attempts)
         objective = attempts.objective(context.archive.volume_weight)
         best = int(np.argmax(objective))
-        return T[best], float(spreads[best]), float(objective[best])
+        return (
+            attempts.T_object_palm[best].copy(),
+            float(attempts.spread[best]),
+            float(objective[best]),
+        )
 
     def draw(
         self, T_object_palm: Array, spread: float, rng: np.random.Generator

@@ -1,0 +1,37 @@
+"""Every `gpis-grasp` command that README and docs print is one that the parser takes."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from gpis_grasp_planner.cli.main import parser
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def commands() -> list[tuple[str, str]]:
+    """Page and command of each line of a code block that calls the program."""
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        lines = re.findall(r"^(?: {4}|\$ )?(gpis-grasp [a-z-].*)$", text, flags=re.MULTILINE)
+        found += [(page.name, line) for line in lines]
+    return found
+
+
+def test_there_are_some() -> None:
+    assert len(commands()) > 10
+
+
+@pytest.mark.parametrize(("page", "command"), commands())
+def test_the_parser_takes_it(page: str, command: str) -> None:
+    words = shlex.split(command.partition("|")[0], comments=True)[1:]
+    if "--help" in words:
+        words.remove("--help")
+    arguments = parser().parse_args(words)  # SystemExit for what it does not take
+    assert arguments.command == words[0], page
