@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -11,7 +12,8 @@ from geometry_msgs.msg import PoseWithCovariance
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import PartPose, PartPoses
-from gpis_grasp_planner.errors import ErrorCode, PoseError
+from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.ros import pose_source
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.settings import NodeSettings
@@ -136,3 +138,70 @@ def test_a_position_in_millimetres_is_refused_with_a_hint(node: StandIn, poses: 
     with pytest.raises(PoseError, match=r"workspace_radius_m.*millimetres.* 0.6 m") as caught:
         poses.newest("mug")
     assert caught.value.code == ErrorCode.OUTSIDE_WORKSPACE
+
+
+class Frames:
+    """Stands in for the listener: one frame that was seen at one time."""
+
+    def __init__(self, stamp_ns: int | None) -> None:
+        self.tree = self
+        self.stamp_ns = stamp_ns
+        self.asked: list[tuple[str, str, int]] = []
+
+    def newest_stamp_ns(self, _frame: str) -> int | None:
+        return self.stamp_ns
+
+    def transform(self, target: str, source: str, stamp_ns: int) -> Any:
+        self.asked.append((target, source, stamp_ns))
+        return from_position_quat_xyzw([0.1, 0.2, 0.3], [0.0, 0.0, 0.0, 1.0])
+
+
+TF = NodeSettings(pose_type="tf", object_frames=("cup=mug",), object_parent_frame="base")
+
+
+def test_a_parts_frame_on_tf_is_its_pose_at_the_time_it_was_seen(node: StandIn) -> None:
+    poses = PoseSource(node, lambda: TF)  # type: ignore[arg-type]
+    frames = Frames(10**18 - 2 * 10**9)
+    poses.listen_to(frames)  # type: ignore[arg-type]
+    pose = poses.newest("mug")
+    assert frames.asked == [("base", "cup", 10**18 - 2 * 10**9)]
+    assert (pose.frame_id, pose.stamp_ns) == ("base", 10**18 - 2 * 10**9)
+    assert pose.T_world_object[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
+    frames.stamp_ns = 10**18 - 20 * 10**9
+    with pytest.raises(PoseError) as caught:
+        poses.newest("mug")
+    assert caught.value.code == ErrorCode.STALE_POSE
+    with pytest.raises(PoseError) as caught:
+        poses.newest("sphere")
+    assert caught.value.code == ErrorCode.NO_POSE_ESTIMATE
+
+
+def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
+    from vision_msgs.msg import (
+        Detection3D,
+        Detection3DArray,
+        ObjectHypothesis,
+        ObjectHypothesisWithPose,
+    )
+
+    settings = NodeSettings(pose_type="detection3d_array", class_ids=("12=mug",))
+    poses = PoseSource(node, lambda: settings)  # type: ignore[arg-type]
+    seen = ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id="12", score=0.8))
+    seen.pose.pose.orientation.w = 1.0
+    seen.pose.pose.position.x = 0.4
+    message = Detection3DArray(detections=[Detection3D(results=[seen])])
+    message.header.frame_id = "camera"  # of the array, where the detection has none
+    node.subscribed["detections"](message)
+    pose = poses.newest("mug")
+    assert pose.frame_id == "camera"
+    assert pose.T_world_object[0, 3] == 0.4
+
+
+def test_a_type_that_is_not_installed_is_named(
+    node: StandIn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "vision_msgs", None)
+    monkeypatch.setitem(sys.modules, "vision_msgs.msg", None)
+    settings = NodeSettings(pose_type="detection3d_array")
+    with pytest.raises(RequestError, match="vision_msgs is not installed"):
+        PoseSource(node, lambda: settings)  # type: ignore[arg-type]

@@ -58,6 +58,7 @@ class GraspPlannerNode(Node):
         self.supervisor.ensure_started()
         self.poses = PoseSource(self, lambda: self.parameters.node)
         self.frames = TfListener(self, lambda: self.parameters.node)
+        self.poses.listen_to(self.frames)
         self.queue = WorkQueue(lambda: self.parameters.node.queue_size)
         self.plans = PlanSource(
             PlanningProcess(self.supervisor),

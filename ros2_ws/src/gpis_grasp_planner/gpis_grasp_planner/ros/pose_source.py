@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
@@ -16,14 +17,19 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import PartPoses
-from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, RequestError
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
-from gpis_grasp_planner.ros.request_guard import ObjectPose, RawPose, check_pose
+from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of
+from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose, RawPose, check_pose
+from gpis_grasp_planner.ros.scene_defaults import point_of_text
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.ros.tf_listener import TfListener
 
 OBJECT_POSE_TOPIC = "object_pose"
 PART_POSES_TOPIC = "part_poses"
+DETECTIONS_TOPIC = "detections"
 
 # A best-effort, volatile subscription matches publishers of either reliability and durability.
 ESTIMATE_QOS = QoSProfile(
@@ -63,20 +69,38 @@ class PoseSource:
         self._by_part: dict[str, RawPose] = {}
         self._last_warning_s = -WARNING_PERIOD_S
         self.on_estimate: Callable[[str | None], None] = lambda _mesh_id: None
-        if settings().pose_type == "pose_stamped":
-            node.create_subscription(
-                PoseStamped, OBJECT_POSE_TOPIC, self._on_pose, qos_profile=ESTIMATE_QOS
-            )
-        else:
-            node.create_subscription(
-                PoseWithCovarianceStamped,
-                OBJECT_POSE_TOPIC,
-                self._on_pose_with_covariance,
-                qos_profile=ESTIMATE_QOS,
-            )
+        self._frames: TfListener | None = None
+        self._subscribe(settings().pose_type)
         node.create_subscription(
             PartPoses, PART_POSES_TOPIC, self._on_part_poses, qos_profile=ESTIMATE_QOS
         )
+
+    def _subscribe(self, pose_type: str) -> None:
+        kinds: dict[str, tuple[Any, str, Callable[[Any], None]]] = {
+            "pose_stamped": (PoseStamped, OBJECT_POSE_TOPIC, self._on_pose),
+            "pose_with_covariance_stamped": (
+                PoseWithCovarianceStamped,
+                OBJECT_POSE_TOPIC,
+                self._on_pose_with_covariance,
+            ),
+        }
+        if pose_type == "detection3d_array":
+            try:
+                from vision_msgs.msg import Detection3DArray
+            except ImportError:
+                raise RequestError(
+                    "Setting 'pose_type' is 'detection3d_array', and the package vision_msgs is "
+                    "not installed. Install ros-jazzy-vision-msgs, or choose another type."
+                ) from None
+            kinds[pose_type] = Detection3DArray, DETECTIONS_TOPIC, self._on_detections
+        if pose_type in kinds:
+            kind, topic, callback = kinds[pose_type]
+            self._node.create_subscription(kind, topic, callback, qos_profile=ESTIMATE_QOS)
+
+    def listen_to(self, frames: TfListener) -> None:
+        """Take poses of parts from tf, where `pose_type` says so."""
+        if self._settings().pose_type == "tf":
+            self._frames = frames
 
     def newest(self, mesh_id: str) -> ObjectPose:
         """The newest estimate for a part, checked at this moment.
@@ -89,8 +113,9 @@ class PoseSource:
         PoseError
             NO_POSE_ESTIMATE, or what is wrong with the newest one.
         """
+        from_tf = self._from_tf(mesh_id)
         with self._lock:
-            raw = self._by_part.get(mesh_id, self._untagged)
+            raw = from_tf or self._by_part.get(mesh_id, self._untagged)
             others = sorted(self._by_part)
         if raw is None:
             seen = ""
@@ -152,6 +177,51 @@ class PoseSource:
             tuple(message.pose.covariance),
         )
         self._take(None, raw)
+
+    def _on_detections(self, message: Any) -> None:
+        settings = self._settings()
+        near = settings.instance_point
+        chosen = chosen_instances(
+            message.detections,
+            mapping_of(settings.class_ids, "class_ids"),
+            settings.min_score,
+            point_of_text(near, "instance_point") if near else None,
+        )
+        for mesh_id, (header, hypothesis) in chosen.items():
+            raw = self._raw(
+                f"the detection of '{printable(mesh_id, 64)}' on {DETECTIONS_TOPIC}",
+                header if header.frame_id else message.header,
+                hypothesis.pose.pose,
+                tuple(hypothesis.pose.covariance),
+            )
+            self._take(mesh_id, raw)
+
+    def _from_tf(self, mesh_id: str) -> RawPose | None:
+        """The pose of a part's frame on tf, at the time it was last seen there."""
+        settings = self._settings()
+        if self._frames is None:
+            return None
+        frames = mapping_of(settings.object_frames, "object_frames")
+        frame = next((f for f, m in frames.items() if m == mesh_id), None)
+        if frame is None:
+            return None
+        parent = settings.object_parent_frame
+        stamp_ns = self._frames.tree.newest_stamp_ns(frame)
+        now_ns = self._node.get_clock().now().nanoseconds
+        T = self._frames.transform(parent, frame, now_ns if stamp_ns is None else stamp_ns)
+        position, quat = to_position_quat_xyzw(T)
+        seconds, nanoseconds = divmod(stamp_ns or 0, NANOSECONDS)
+        return RawPose(
+            source=f"the frame '{printable(frame, 60)}' on tf",
+            frame_id=parent,
+            stamp_sec=seconds,
+            stamp_nanosec=nanoseconds,
+            position=(float(position[0]), float(position[1]), float(position[2])),
+            quat_xyzw=(float(quat[0]), float(quat[1]), float(quat[2]), float(quat[3])),
+            covariance=None,
+            arrival_ns=now_ns,
+            arrival_steady_s=time.monotonic(),
+        )
 
     def _on_part_poses(self, message: PartPoses) -> None:
         for part in message.parts:

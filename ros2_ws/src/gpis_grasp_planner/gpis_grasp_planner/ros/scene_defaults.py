@@ -47,6 +47,19 @@ def pose_of_text(text: str, name: str) -> NDArray[np.float64]:
     return T
 
 
+def point_of_text(text: str, name: str) -> tuple[float, float, float]:
+    """Point from three numbers ``x y z`` [m]. Raises RequestError (INVALID_SETTING)."""
+    try:
+        x, y, z = (float(word) for word in text.split())
+        if np.isfinite([x, y, z]).all():
+            return x, y, z
+    except ValueError:
+        pass
+    raise RequestError(
+        f"Setting '{name}' is {text!r:.80}; it takes three numbers x y z [m], such as '0.5 0 0.8'."
+    )
+
+
 def read_far_position(value: Any, what: str) -> NDArray[np.float64]:
     """Position (3,) in a frame that may be a map's: up to 1000 km.
 

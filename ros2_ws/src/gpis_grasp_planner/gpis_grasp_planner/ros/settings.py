@@ -16,7 +16,13 @@ from gpis_grasp_planner.plan.request import (
     TIME_BUDGET_RANGE_S,
     check_friction,
 )
-from gpis_grasp_planner.ros.scene_defaults import near_origin, obstacles_of, pose_of_text
+from gpis_grasp_planner.ros.detections import mapping_of
+from gpis_grasp_planner.ros.scene_defaults import (
+    near_origin,
+    obstacles_of,
+    point_of_text,
+    pose_of_text,
+)
 from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.settings import SettingsGroup, setting
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
@@ -36,6 +42,9 @@ PLANNER_NAMES = (
 )
 
 
+POSE_TYPES = ("pose_stamped", "pose_with_covariance_stamped", "detection3d_array", "tf")
+
+
 @dataclass(frozen=True)
 class NodeSettings(SettingsGroup):
     """What the node does around the planning: catalogue, poses, limits of a request, queue."""
@@ -47,8 +56,30 @@ class NodeSettings(SettingsGroup):
     )
     pose_type: str = setting(
         "pose_stamped",
-        choices=("pose_stamped", "pose_with_covariance_stamped"),
-        description="Message type of the topic object_pose.",
+        choices=POSE_TYPES,
+        description="Message type of the topic object_pose; or detection3d_array "
+        "(vision_msgs, topic detections), or tf: a frame for each part, by object_frames.",
+    )
+    class_ids: tuple[str, ...] = setting(
+        (),
+        description="For detection3d_array: pairs 'class_id=mesh_id'; a class without one is "
+        "taken for a mesh ID.",
+    )
+    min_score: float = setting(
+        0.5, low=0.0, high=1.0, description="Detections with a lower score are left out."
+    )
+    instance_point: str = setting(
+        "",
+        description="Of several detections of a part the one nearest to this point x y z is "
+        "taken, in their frame; empty: the one with the best score.",
+    )
+    object_frames: tuple[str, ...] = setting(
+        (), description="For tf: pairs 'frame=mesh_id', where the part's own frame is that frame."
+    )
+    object_parent_frame: str = setting(
+        "",
+        description="For tf: the frame in which the poses of these frames are taken, such as the "
+        "robot's base; it must be set.",
     )
     max_pose_age_s: float = setting(
         5.0, low=0.01, high=86_400.0, description="An older object pose is refused as stale."
@@ -214,6 +245,7 @@ class NodeSettings(SettingsGroup):
                 "own."
             )
         self._check_scene()
+        self._check_estimates()
         if self.friction is not None:
             check_friction(self.friction_finger, "finger")
             check_friction(self.friction_palm, "palm")
@@ -230,7 +262,7 @@ class NodeSettings(SettingsGroup):
         Surroundings.from_mapping(
             {"obstacles": [near_origin(entry) for entry in listed]}, lambda _mesh_id: STAND_IN
         )
-        for name in ("support_frame", "obstacles_frame"):
+        for name in ("support_frame", "obstacles_frame", "object_parent_frame"):
             frame = getattr(self, name)
             if frame and FRAME_PATTERN.fullmatch(frame) is None:
                 raise RequestError(
@@ -241,6 +273,17 @@ class NodeSettings(SettingsGroup):
             raise RequestError(
                 f"Setting 'obstacles' names {len(listed)}, and 'obstacles_frame' is empty. Set it "
                 "to the frame of the object's poses, at once with the obstacles."
+            )
+
+    def _check_estimates(self) -> None:
+        mapping_of(self.class_ids, "class_ids")
+        frames = mapping_of(self.object_frames, "object_frames")
+        if self.instance_point:
+            point_of_text(self.instance_point, "instance_point")
+        if self.pose_type == "tf" and not (frames and self.object_parent_frame):
+            raise RequestError(
+                "Setting 'pose_type' is 'tf'; it needs 'object_frames', such as "
+                "\"['mug_frame=mug']\", and 'object_parent_frame'. Set both at once with it."
             )
 
     @property

@@ -124,6 +124,12 @@ class TransformTree:
             edge.add(stamp_ns, position, quat_xyzw / norm)
         return None
 
+    def newest_stamp_ns(self, frame: str) -> int | None:
+        """When a frame was last seen in its parent; None where it was not, or never moves."""
+        with self._lock:
+            edge = self._edges.get(frame.lstrip("/"))
+            return None if edge is None or edge.static else edge.stamps_ns[-1]
+
     def look_up(self, target: str, source: str, stamp_ns: int, tolerance_s: float) -> Array:
         """T_target_source (4, 4) at a time.
 
