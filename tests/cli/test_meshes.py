@@ -29,7 +29,9 @@ def test_a_bad_mesh_is_listed_with_its_fault(gpis_grasp, tmp_path: Path) -> None
     answer = gpis_grasp("meshes", "--meshes", tmp_path, "--set", "catalogue.default_unit=mm")
     assert answer.code == 1
     assert "MESH_EMPTY" in answer.out
-    listed = gpis_grasp("meshes", "--meshes", tmp_path, "--json")
+    listed = gpis_grasp(
+        "meshes", "--meshes", tmp_path, "--json", "--set", "catalogue.default_unit=mm"
+    )
     assert listed.code == 1
     assert [one.get("error") for one in json.loads(listed.out)] == ["MESH_EMPTY", None]
     assert "119 x 84 x 95" in answer.out

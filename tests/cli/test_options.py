@@ -2,7 +2,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mesh_dialects as d
 import pytest
+import step_dialects
 
 from gpis_grasp_planner.cli.options import (
     catalogue_of,
@@ -137,3 +139,15 @@ def test_a_file_that_is_missing_is_a_file_and_the_nearest_is_named(
     ]:
         with pytest.raises(GraspPlannerError, match=word):
             find_part(mesh, None, catalogue_of(None))
+
+
+def test_one_body_of_a_file_is_found_and_remembered(tmp_path: Path) -> None:
+    path = tmp_path / "whole.step"
+    parts = [("bolt", d.box((20, 20, 20)), (0, 0, 0)), ("plate", d.box((80, 60, 5)), (0, 0, 30))]
+    path.write_bytes(step_dialects.assembly(parts))
+    part, source = find_part(str(path), None, catalogue_of(None), "plate")
+    assert part.mesh.extent == pytest.approx((0.08, 0.06, 0.005))
+    assert source is not None
+    assert source.body == "plate"
+    with pytest.raises(RequestError, match="--body plate is for mesh files"):
+        find_part("mug", None, catalogue_of(None), "plate")

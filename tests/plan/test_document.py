@@ -155,7 +155,7 @@ def test_the_hash_is_made_as_the_document_says(document: dict, part: Part) -> No
 
 
 def test_a_document_reads_back_as_it_was_written(tmp_path: Path, result: PlanResult) -> None:
-    source = MeshSource("parts/mug.stl", "mm")
+    source = MeshSource("parts/mug.step", "inch", "cup")
     write_document(tmp_path / "grasps.json", result, source)
     read = read_document(tmp_path / "grasps.json")
     assert read.mesh_source == source

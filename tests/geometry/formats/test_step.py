@@ -85,6 +85,17 @@ def test_unusual_frames_are_read(data, mesh_path):
     assert report.volume == pytest.approx(1e-9 * BOX.volume, rel=1e-5)
 
 
+def test_a_stray_face_beside_a_closed_solid_is_noted(mesh_path):
+    """Construction geometry that belongs to no shell must not cost the part."""
+    step_text = step_dialects.StepText()
+    items = [step_text.axes(), step_text.brep(BOX)]
+    step_text.product("part", items, "FACETED_BREP_SHAPE_REPRESENTATION")
+    step_text.faces(d.Solid(BOX.vertices, BOX.polygons[:1], 0.0))
+    _, report = load_mesh(mesh_path(step_text.text(), "box.step"), "m")
+    assert report.watertight
+    assert "OpenCASCADE reads 6 of 7 faces." in report.notes
+
+
 def test_inches_are_honoured(mesh_path):
     data = step_dialects.part(d.box((2, 1, 1)), inches=True)
     mesh, _ = load_mesh(mesh_path(data, "box.stp"), "mm")

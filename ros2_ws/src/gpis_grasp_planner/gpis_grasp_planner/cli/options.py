@@ -236,7 +236,7 @@ def find_part(
 
     path = Path(mesh)
     named = os.sep in mesh or path.suffix.lower() in MESH_SUFFIXES
-    if named and path.suffix and not path.exists():
+    if named and path.suffix and not path.exists() and mesh not in catalogue.ids():
         raise MeshError(_no_file(path))
     in_folder = os.sep in mesh and (path.exists() or mesh not in catalogue.ids())
     if in_folder or (path.suffix and path.is_file()):
@@ -259,7 +259,7 @@ def _no_file(path: Path) -> str:
     names = [entry.name for entry in folder.iterdir() if entry.is_file()]
     near = difflib.get_close_matches(path.name, names, n=1)
     hint = f"Did you mean {folder / near[0]}?" if near else "Check the path."
-    return f"No such file: {path}. {hint} IDs of the catalogue have no suffix."
+    return f"No such file: {path}. {hint} An ID has a suffix only where two files share a name."
 
 
 def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> Part:

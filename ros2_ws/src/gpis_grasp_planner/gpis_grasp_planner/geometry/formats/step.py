@@ -60,13 +60,14 @@ def read_step(data: bytes, name: str, max_faces: int, timeout_s: float) -> Parse
             raise
         raise _no_shape(promise, name) from None
     notes = []
-    missing = promise.faces - _distinct_faces(bodies)
+    read = _distinct_faces(bodies)
+    missing = promise.faces - read
     syntax_errors = sum(int(n) for n in _SYNTAX_ERRORS.findall(messages))
-    lost = missing > 0 and missing >= promise.smallest_shell > 0
+    lost = promise.closed_faces - read >= max(promise.smallest_shell, 1)
     few = len(bodies) < promise.parts
     if lost or promise.missing_shells or (few and syntax_errors):
         raise MeshError(
-            f"{name} is damaged: OpenCASCADE reads {promise.faces - missing} of {promise.faces} "
+            f"{name} is damaged: OpenCASCADE reads {read} of {promise.faces} "
             f"faces and {len(bodies)} of {promise.parts} parts. Export it again, or as STL."
         )
     doubt = None
@@ -74,8 +75,8 @@ def read_step(data: bytes, name: str, max_faces: int, timeout_s: float) -> Parse
         doubt = f"OpenCASCADE finds {syntax_errors} errors of syntax in it"
         notes.append(f"OpenCASCADE finds {syntax_errors} errors of syntax in the file.")
     if missing > 0:
-        doubt = f"OpenCASCADE reads {promise.faces - missing} of its {promise.faces} faces"
-        notes.append(f"OpenCASCADE reads {promise.faces - missing} of {promise.faces} faces.")
+        doubt = f"OpenCASCADE reads {read} of its {promise.faces} faces"
+        notes.append(f"OpenCASCADE reads {read} of {promise.faces} faces.")
     if few:
         notes.append(f"Only {len(bodies)} of {promise.parts} placed parts have a shape.")
     if promise.solids == 0:

@@ -39,8 +39,10 @@ class StepPromise:
         From its first word to its last, for the reader.
     solids, faces, parts : int
         Solids; faces of shells, or defined anywhere; placed parts of assemblies, at least 1.
+    closed_faces : int
+        Faces of the closed shells.
     smallest_shell : int
-        Faces of the shell that has the fewest.
+        Faces of the closed shell that has the fewest.
     missing_shells : int
         Shells that solids name and that are not there.
     has_voids : bool
@@ -54,6 +56,7 @@ class StepPromise:
     solids: int
     faces: int
     parts: int
+    closed_faces: int
     smallest_shell: int
     missing_shells: int
     has_voids: bool
@@ -81,7 +84,8 @@ def read_promise(data: bytes, name: str) -> StepPromise:
     for number, kind, rest in _ENTITY.findall(plain):
         references = [int(r) for r in _REFERENCE.findall(_STRING.sub(b"", rest))]
         kinds.setdefault(kind, []).append((int(number), references))
-    shells = dict(kinds.get(b"CLOSED_SHELL", []) + kinds.get(b"OPEN_SHELL", []))
+    closed = dict(kinds.get(b"CLOSED_SHELL", []))
+    shells = closed | dict(kinds.get(b"OPEN_SHELL", []))
     faces = {n for kind in (b"ADVANCED_FACE", b"FACE_SURFACE") for n, _ in kinds.get(kind, [])}
     faces |= {f for references in shells.values() for f in references}
     solids = [s for kind in _SOLIDS.split(b"|") for s in kinds.get(kind, [])]
@@ -92,7 +96,8 @@ def read_promise(data: bytes, name: str) -> StepPromise:
         solids=len(solids) + len(kinds.get(b"TESSELLATED_SOLID", [])),
         faces=len(faces),
         parts=_placed_parts(kinds.get(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE", [])),
-        smallest_shell=min((len(f) for f in shells.values()), default=0),
+        closed_faces=len({f for references in closed.values() for f in references}),
+        smallest_shell=min((len(f) for f in closed.values()), default=0),
         missing_shells=sum(1 for shell in outer if shell not in shells),
         has_voids=b"BREP_WITH_VOIDS" in kinds,
         surfaces=b"SHELL_BASED_SURFACE_MODEL" in kinds,
