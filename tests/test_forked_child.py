@@ -105,3 +105,31 @@ def test_an_answered_exception_is_raised() -> None:
         share_out(
             partial(answer_requests, lambda _: ZeroDivisionError("by nothing")), [1], processes=1
         )
+
+
+def test_a_child_ends_with_its_parent() -> None:
+    reading, writing = os.pipe()
+    parent = os.fork()
+    if parent == 0:
+        own = ForkedChild(lambda _: time.sleep(600.0))
+        os.write(writing, str(own.pid).encode())
+        time.sleep(600.0)
+    child = int(os.read(reading, 20))
+    assert is_running(child)
+    os.kill(parent, signal.SIGKILL)
+    os.waitpid(parent, 0)
+    limit = time.monotonic() + 20.0
+    while is_running(child) and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert not is_running(child)
+    os.close(reading)
+    os.close(writing)
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process runs; one that waits to be reaped does not."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return stat.rpartition(")")[2].split()[0] != "Z"

@@ -6,6 +6,7 @@ import copy
 import hashlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,8 @@ from gpis_grasp_planner.plan.document import (
 )
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
+from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
 
 ATTEMPTS = 256
 
@@ -176,6 +179,25 @@ def test_a_document_reads_back_as_it_was_written(tmp_path: Path, result: PlanRes
     assert again == first
 
 
+def test_what_grasps_had_to_respect_is_in_the_document(
+    tmp_path: Path, result: PlanResult, document: dict
+) -> None:
+    region = ForbiddenRegion(np.eye(4), np.array([0.01, 0.02, 0.03]), "thread", 0.001)
+    request = replace(
+        result.request, approach=ApproachCone(np.array([0, 0, -1.0]), 25.0), forbidden=(region,)
+    )
+    write_document(tmp_path / "grasps.json", replace(result, request=request))
+    read = read_document(tmp_path / "grasps.json").result.request
+    assert read.approach is not None
+    assert read.approach.as_mapping() == request.approach.as_mapping()  # type: ignore[union-attr]
+    assert [r.as_mapping() for r in read.forbidden] == [region.as_mapping()]
+    # documents from before there were constraints are read as without any
+    earlier = {k: v for k, v in document.items() if k not in ("approach", "forbidden")}
+    (tmp_path / "earlier.json").write_text(json.dumps(earlier))
+    read = read_document(tmp_path / "earlier.json").result.request
+    assert (read.approach, read.forbidden) == (None, ())
+
+
 def test_the_order_of_joints_is_that_of_the_hand(document: dict) -> None:
     for grasp in document["grasps"]:
         assert grasp["joint_names"] == document["joint_names"]
@@ -228,6 +250,8 @@ def _set(path: str, value: object):  # type: ignore[no-untyped-def]
         ("place", [], "'place'"),
         ("grasps.0.hold_probability", 1.5, "hold_probability"),
         ("grasps.0.lift_direction", [0.0, 0.0, 2.0], "lift_direction"),
+        ("approach", {"axis": [0, 0, 1], "half_angle_deg": 200}, "0 to 180"),
+        ("forbidden", [{"size": [1, 1]}], "3 finite numbers"),
         ("schema", "something else", "schema"),
         ("schema_version", 1, "schema_version"),
         ("seed", KeyError, "lacks seed"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,12 +13,15 @@ from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.grasp.order import DISTINCT, pose_difference
+from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan import run as run_module
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.search.searches import PLANNERS
+from gpis_grasp_planner.verification.finalist_trials import place_of
 
 LONG_S = 600.0
 EVALUATIONS = 250
@@ -259,6 +263,56 @@ class NeverFree:
         return self.empty
 
     postures = attempt_from = approach = guided_potential = attempt
+
+
+class FirstOfferHolds:
+    """Trials in which the first grasp that was offered holds and no other is tried."""
+
+    hungry, why_untried, n_tried = True, "a trial's process was ended by signal 9", 1
+    offers: ClassVar[list] = []
+
+    def __init__(self, *_):
+        self.offers.clear()
+
+    def offer(self, grasps, _):
+        if grasps:
+            self.offers.append(grasps[0])
+
+    def poll(self, *_):
+        return 0
+
+    @property
+    def held(self):
+        return self.offers[:1]
+
+    def time_for(self, *_):
+        return 0.0
+
+    def run(self, grasps, *_):
+        first = {place_of(grasp) for grasp in self.held}
+        holds = Trials((TrialOutcome("case", True),))
+        return [holds if place_of(grasp) in first else None for grasp in grasps]
+
+    def close(self):
+        pass
+
+
+def test_what_held_beside_the_search_is_answered_first(clock, planner, sphere, monkeypatch):
+    """However many better grasps the search found after it, which nobody tried."""
+    planner.prepare(sphere)
+    monkeypatch.setattr(run_module, "FinalistTrials", FirstOfferHolds)
+    request = PlanRequest(seed=3, time_budget_s=2.0, n_grasps=4, verification="rank")
+    result = planner.answer(sphere, request, monitor=Monitor(2.0, clock=clock.read)).result
+    assert result.code == ErrorCode.SUCCESS
+    first, *others = result.grasps
+    assert place_of(first) == place_of(FirstOfferHolds.offers[0])
+    assert first.trials.held
+    assert all(grasp.trials is None for grasp in others)
+    apart = pose_difference(
+        first.T_object_palm, np.stack([g.T_object_palm for g in others]), sphere.max_radius
+    )
+    assert apart.min() >= DISTINCT
+    assert any("signal 9" in note for note in result.notes)
 
 
 @pytest.mark.parametrize("name", ["hpp", "dual", "paper", "random-adaption"])

@@ -8,6 +8,7 @@ parent's open files: the planning process's socket must close with the planning 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -19,10 +20,14 @@ from typing import Any, Self
 from gpis_grasp_planner.errors import SystemFault
 
 _MOST_FILES = 4096
+_PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)  # loaded here, since a child must not load anything before it is tied
 
 
 class ForkedChild:
     """A child process that runs a function with its end of a pipe; a context manager.
+
+    It ends with the thread that made it, however that ends.
 
     Parameters
     ----------
@@ -34,7 +39,7 @@ class ForkedChild:
     def __init__(self, serve: Callable[[Connection], None]):
         context = multiprocessing.get_context("fork")
         self.connection, theirs = context.Pipe()
-        self._process = context.Process(target=_run, args=(serve, theirs), daemon=True)
+        self._process = context.Process(target=_run, args=(serve, theirs, os.getpid()), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -49,6 +54,11 @@ class ForkedChild:
     ) -> None:
         self.end()
 
+    @property
+    def pid(self) -> int:
+        """Its process ID."""
+        return int(self._process.pid or 0)
+
     def exit_code(self) -> int | None:
         """How a child that closed its end went: -N by signal N; None if it has not ended in 1 s."""
         self._process.join(1.0)
@@ -61,7 +71,11 @@ class ForkedChild:
         self._process.join()
 
 
-def _run(serve: Callable[[Connection], None], connection: Connection) -> None:
+def _run(serve: Callable[[Connection], None], connection: Connection, parent: int) -> None:
+    # The kernel ends the child with the thread that forked it, also where that was killed.
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(0)
     # A Ctrl-C in the terminal is for the parent, which ends its children.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     kept = connection.fileno()

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gpis_grasp_planner.cli.constraint_options import FIELDS
+
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.catalogue import MeshCatalogue
     from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -59,7 +61,8 @@ def place_of(arguments: argparse.Namespace, part: Part, catalogue: MeshCatalogue
     from gpis_grasp_planner.cli.options import find_part
     from gpis_grasp_planner.surroundings.place import Place
 
-    data = _scene_of_file(arguments.scene)
+    data = scene_of_file(arguments.scene)
+    data = {name: value for name, value in data.items() if name not in FIELDS}
     if arguments.support is not None:
         if "support" in data:
             raise _wrong(f"Both --support and {arguments.scene} give a support. Leave one out.")
@@ -81,7 +84,14 @@ def place_of(arguments: argparse.Namespace, part: Part, catalogue: MeshCatalogue
     return Place.from_mapping(data, load_mesh)
 
 
-def _scene_of_file(file: Path | None) -> dict[str, Any]:
+def scene_of_file(file: Path | None) -> dict[str, Any]:
+    """What a file of --scene says; empty without one.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SCENE.
+    """
     from gpis_grasp_planner.surroundings.text import parse_scene
 
     if file is None:

@@ -7,7 +7,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.cli import completion, options, output, place_options, tables
+from gpis_grasp_planner.cli import (
+    completion,
+    constraint_options,
+    options,
+    output,
+    place_options,
+    tables,
+)
 from gpis_grasp_planner.cli.exit_codes import INTERRUPTED, NO_ANSWER, SUCCESS
 from gpis_grasp_planner.cli.interrupt import stop_on_interrupt
 from gpis_grasp_planner.cli.status_line import StatusLine
@@ -80,6 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
+    constraint_options.add_constraints(parser)
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="write the document; '-' for stdout, alone"
     )
@@ -138,6 +146,8 @@ def _plan(
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     status.enter("reading")
     part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
+    scene = place_options.scene_of_file(arguments.scene)
+    approach, forbidden = constraint_options.constraints_of(arguments, scene)
     request = PlanRequest(
         planner=arguments.planner,
         seed=arguments.seed,
@@ -146,6 +156,8 @@ def _plan(
         friction=options.friction_of(arguments.friction, arguments.friction_palm, part.friction),
         max_evaluations=arguments.evaluations,
         verification=arguments.verify,
+        approach=approach,
+        forbidden=forbidden,
     )
     place = place_options.place_of(arguments, part, catalogue)
     status.enter("loading the planner")  # not before the request was found to be good: 2 s

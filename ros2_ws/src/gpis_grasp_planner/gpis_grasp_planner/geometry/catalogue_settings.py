@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 
@@ -69,3 +70,11 @@ class CatalogueSettings(SettingsGroup):
         description="Density of a part whose sidecar gives neither mass, density nor material.",
         common=True,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.min_extent_m > self.max_extent_m:
+            raise RequestError(
+                f"Setting 'min_extent_m' is {self.min_extent_m:g}, above 'max_extent_m' "
+                f"{self.max_extent_m:g}: no part could be used. Lower the one or raise the other."
+            )

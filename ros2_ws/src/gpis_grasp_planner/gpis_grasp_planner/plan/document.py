@@ -114,6 +114,8 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
         "n_grasps": request.n_grasps,
         "max_evaluations": request.max_evaluations,
         "verification": request.verification,
+        "approach": None if request.approach is None else request.approach.as_mapping(),
+        "forbidden": [region.as_mapping() for region in request.forbidden],
         "settings": {group: dict(values) for group, values in result.settings.items()},
         "elapsed_s": float(result.elapsed_s),
         "n_evaluations": int(result.evaluations),

@@ -23,6 +23,8 @@ from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
+from gpis_grasp_planner.surroundings.forbidden_region import read_regions
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
 
 SCHEMA = "gpis_grasp_planner/grasps"
@@ -35,9 +37,10 @@ _FIELDS = frozenset(
         "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
         "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
-        "best_attempt",
+        "best_attempt", "approach", "forbidden",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
+_LATER: dict[str, Any] = {"approach": None, "forbidden": []}  # earlier programs wrote none
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
@@ -107,7 +110,7 @@ def result_from_dict(
     RequestError
         INVALID_DOCUMENT with the field, its value and what it must be.
     """
-    root = Node(values, "", name).object(_FIELDS)
+    root = Node({**_LATER, **values}, "", name).object(_FIELDS)
     for field in ("version", *_TEXT_ONLY):
         root[field].text()
     if root["length_unit"].text() != "m":
@@ -170,6 +173,8 @@ def _request(root: Mapping[str, Node]) -> PlanRequest:
             friction=_friction(root["friction"]),
             max_evaluations=root["max_evaluations"].optional(Node.integer),
             verification=root["verification"].text(),
+            approach=root["approach"].optional(lambda node: ApproachCone.from_mapping(node.value)),
+            forbidden=read_regions(root["forbidden"].value),
         )
     except GraspPlannerError as error:
         if error.code == ErrorCode.INVALID_DOCUMENT:

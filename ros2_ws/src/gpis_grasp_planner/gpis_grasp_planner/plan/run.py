@@ -11,9 +11,11 @@ from typing import Self
 import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.forked_child import usable_cores
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.order import distinct
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.constraints import make_constraints
@@ -32,7 +34,7 @@ from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
-from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
+from gpis_grasp_planner.verification.finalist_trials import FinalistTrials, place_of, trial_notes
 from gpis_grasp_planner.verification.selection import Selection, select
 
 _SECONDS_AFTER_CANCEL = 0.2
@@ -92,6 +94,9 @@ class PlanRun:
         self._search = make_search(request.planner, self._context)
         self._finisher = Finisher(self._context, placing, self._confirm, monitor.now)
         self._hold = hold
+        self._cases = finalist_cases(
+            part, self._friction, settings.verification, request.seed, place.covariance
+        )
         self._convergence: list[tuple[float, int, float]] = []
 
     def __enter__(self) -> Self:
@@ -125,7 +130,7 @@ class PlanRun:
             if monitor.cancelled:
                 deadline = monitor.now() + _SECONDS_AFTER_CANCEL
             with monitor.phase(Phase.PLACING):
-                grasps = tuple(self._finisher.best(self._n_wanted, deadline))
+                grasps = self._with_held(self._finisher.best(self._n_wanted, deadline))
             if self._trials is None or monitor.cancelled or not grasps:
                 break
             with monitor.phase(Phase.TRYING):
@@ -134,6 +139,12 @@ class PlanRun:
             if selection.held or searched or monitor.left_s < _SHORTEST_ROUND_S:
                 break
         return self._answer_of(grasps, selection, deadline)
+
+    def _with_held(self, grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
+        """Grasps, and after them what was seen to hold while the search went on."""
+        held = [] if self._trials is None else self._trials.held
+        taken = {place_of(grasp) for grasp in grasps}
+        return (*grasps, *(grasp for grasp in held if place_of(grasp) not in taken))
 
     @property
     def blocked(self) -> Mapping[str, int]:
@@ -199,6 +210,8 @@ class PlanRun:
                 if now >= looked_at:
                     looked_at = now + _RESERVE_INTERVAL_S
                     trying = share * left
+                    if self._trials is not None and limit is None:
+                        trying = min(trying, self._try_beside(self._trials, trying))
                     end = began + max(left - trying - self._rest_s(), _SEARCH_SHARE * left)
                 if stepped and now >= end:
                     break
@@ -211,6 +224,19 @@ class PlanRun:
                 if best > (self._convergence[-1][2] if self._convergence else 0.0):
                     self._convergence.append((monitor.elapsed_s, attempts, best))
 
+    def _try_beside(self, trials: FinalistTrials, at_most: float) -> float:
+        """Keep the trials at work while the search goes on; what they still need [s]."""
+        trials.poll(max(1, usable_cores() - 1))
+        best = self._finisher.best(self._n_wanted, fresh=1 if trials.hungry else 0)
+        if trials.hungry:
+            trials.offer(best, self._cases)
+            trials.poll(max(1, usable_cores() - 1))
+        self.monitor.update(n_tried=trials.n_tried, n_held=len(trials.held))
+        finisher = self._finisher
+        unfinished = round(finisher.time_for(self._n_wanted) / finisher.cost_s)
+        needed = trials.time_for(best, unfinished)
+        return at_most if needed is None else needed
+
     def _try(
         self,
         trials: FinalistTrials,
@@ -221,16 +247,9 @@ class PlanRun:
         """Try the finished grasps in physics, best first, until the deadline."""
         if deadline is not None:
             deadline -= self._hold.time_for(self._n_wanted)
-        cases = finalist_cases(
-            self.part,
-            self._friction,
-            self.settings.verification,
-            self.request.seed,
-            self.place.covariance,
-        )
         selection = select(
             trials,
-            cases,
+            self._cases,
             grasps,
             Reserve(),
             self.settings.hpp.volume_weight,
@@ -253,6 +272,8 @@ class PlanRun:
                 f"PyBullet's scene confirmed {finisher.n_confirmed} of {finisher.n_seen} grasps.",
             )
         code, message, best_attempt = self._verdict(grasps, selection)
+        if self._trials is not None:
+            notes += trial_notes(part, self.settings.verification, self._trials)
         if selection is not None and not monitor.cancelled:
             notes += (selection.note,)
             grasps = selection.ranked if code == ErrorCode.SUCCESS else ()
@@ -260,7 +281,7 @@ class PlanRun:
                 grasps = selection.held
         with monitor.phase(Phase.PLACING):
             ordered, of_hold = self._hold.ranked(grasps, deadline, monitor)
-        chosen = tuple(ordered[: request.n_grasps])
+        chosen = self._distinct(ordered)
         left_out = selection.ranked if selection is not None else grasps
         reserve = self._reserve(chosen, left_out)
         result = self._result(
@@ -285,6 +306,15 @@ class PlanRun:
             self.blocked,
             None if support is None else support.normal,
         )
+
+    def _distinct(self, ordered: Sequence[Grasp]) -> tuple[Grasp, ...]:
+        """As many as were asked for, each apart from those before it."""
+        if not ordered:
+            return ()
+        T = np.stack([grasp.T_object_palm for grasp in ordered])
+        order = np.arange(len(ordered))
+        kept = distinct(T, order, self.part.max_radius, self.request.n_grasps)
+        return tuple(ordered[i] for i in kept)
 
     def _verdict(
         self, grasps: Sequence[Grasp], selection: Selection | None

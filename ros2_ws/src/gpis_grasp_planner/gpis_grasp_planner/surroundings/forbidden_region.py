@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 DEFAULT_MARGIN_M = 0.002
 _LARGEST_MARGIN_M = 0.1
+_MOST_REGIONS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,3 +92,27 @@ class ForbiddenRegion:
         except (TypeError, ValueError):
             margin = np.nan
         return ForbiddenRegion(read_pose(data, f"'{name}'"), data.get("size", ()), name, margin)
+
+
+def read_regions(entries: Any) -> tuple[ForbiddenRegion, ...]:
+    """Regions of a list in the JSON form.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SCENE, also for more than 50.
+    """
+    if not isinstance(entries, (list, tuple)):
+        raise RequestError(
+            f"'forbidden' is a {type(entries).__name__}; give a list.", ErrorCode.INVALID_SCENE
+        )
+    if len(entries) > _MOST_REGIONS:
+        raise RequestError(
+            f"There are {len(entries)} forbidden regions; at most {_MOST_REGIONS} are taken. Join "
+            "them into fewer boxes.",
+            ErrorCode.INVALID_SCENE,
+        )
+    return tuple(
+        ForbiddenRegion.from_mapping(entry, f"forbidden region {k}")
+        for k, entry in enumerate(entries)
+    )

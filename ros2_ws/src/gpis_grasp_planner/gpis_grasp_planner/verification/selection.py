@@ -14,7 +14,7 @@ from gpis_grasp_planner.surroundings.clearance import clear_grasps
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.verification.cases import TrialCase
-from gpis_grasp_planner.verification.finalist_trials import FinalistTrials
+from gpis_grasp_planner.verification.finalist_trials import FinalistTrials, place_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +78,11 @@ class Selection:
     @property
     def known(self) -> dict[bytes, Trials]:
         """Trials by the grasp they were made of, for :func:`select`."""
-        return {_place(g): g.trials for g in self._tried if g.trials is not None}
+        return {place_of(g): g.trials for g in self._tried if g.trials is not None}
 
     @property
     def _tried(self) -> list[Grasp]:
         return [g for g in (*self.ranked, *self.further.estimates) if g.trials is not None]
-
-
-def _place(grasp: Grasp) -> bytes:
-    """What tells grasps of one search apart."""
-    return grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
 
 
 def select(
@@ -129,7 +124,7 @@ def select(
     if around and candidates:
         found = clear_grasps(trials.hand, candidates, around, clearance or ClearanceSettings())
         order.sort(key=lambda i: not found[i].clear)
-    of = {i: known.get(_place(grasp)) for i, grasp in enumerate(candidates)}
+    of = {i: known.get(place_of(grasp)) for i, grasp in enumerate(candidates)}
     order = [i for i in order if of[i] is None]
     outcomes = trials.run(
         [candidates[i] for i in order],

@@ -88,6 +88,12 @@ class VerificationSettings(SettingsGroup):
         description="Finalists that are tried at a time, if there are cores.",
         common=True,
     )
+    trial_limit_s: float = setting(
+        10.0,
+        low=0.5,
+        high=600.0,
+        description="Computing time after which one trial is given up as hung [s].",
+    )
     budget_share: float = setting(
         0.5,
         low=0.05,
