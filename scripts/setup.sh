@@ -85,8 +85,13 @@ workspace() {
         export VIRTUAL_ENV=$venv PATH=$venv/bin:$PATH
         export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv
         cd ros2_ws
-        colcon --log-level error build --symlink-install \
-            --cmake-args -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="$venv/bin/python"
+        # Standard messages that the ROS wheels lack; a system installation has the real ones.
+        stand_ins=()
+        for package in stand_ins/*/; do
+            [ -e "$venv/share/$(basename "$package")/package.xml" ] || stand_ins+=("$package")
+        done
+        colcon --log-level error build --symlink-install --base-paths src \
+            --paths "${stand_ins[@]}" --cmake-args -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="$venv/bin/python"
     )
 }
 
@@ -102,7 +107,7 @@ warm_up() {
 
 stage virtual_environment "$(key scripts/system_packages.sh)" virtual_environment
 stage dependencies "$(key requirements/*.lock)" dependencies
-stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs "$planner"/{setup.*,package.xml,resource} \
+stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs ros2_ws/stand_ins "$planner"/{setup.*,package.xml,resource} \
     "$planner"/gpis_grasp_planner/hand/models)" workspace
 stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
 # Compiled functions are kept in a folder for this very state of the sources.

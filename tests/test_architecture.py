@@ -46,12 +46,13 @@ OWNERS = {
     "trimesh": ("geometry/parts/",),
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": ("geometry/parts/",),
+    "fast_simplification": ("geometry/simplification.py",),
     "open3d": ("view/",),
     "matplotlib": ("view/",),
     **dict.fromkeys(
         ("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
          "gpis_grasp_msgs", "rcl_interfaces", "sensor_msgs",
-         "std_msgs", "std_srvs", "visualization_msgs", "tf2_ros"),
+         "std_msgs", "tf2_msgs", "vision_msgs", "visualization_msgs"),
         ("ros/",),
     ),
 }  # fmt: skip

@@ -106,7 +106,9 @@ def test_the_verdicts_shift_frees_the_same_motion(planner, sphere, ball_grasps):
     assert support.verdict(closed).blocked.all()
     lifted = hands_of(planner, attempts, moved, attempts.shift[moved])
     assert not support.verdict(lifted).blocked.any()
-    lifted = hands_of(planner, attempts, moved, 0.999 * attempts.shift[moved])
+    shift = attempts.shift[moved]
+    short = shift * (1.0 - 2e-6 / np.linalg.norm(shift, axis=1, keepdims=True))
+    lifted = hands_of(planner, attempts, moved, short)
     assert support.verdict(lifted).blocked.all()
 
 

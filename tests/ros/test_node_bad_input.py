@@ -29,7 +29,7 @@ BAD_REQUESTS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
     "truncated mesh": ({"mesh_id": "truncated"}, "MESH_UNREADABLE", ["truncated"]),
     "NaN in mesh": ({"mesh_id": "nan"}, "MESH_NOT_FINITE", ["nan"]),
     "millimetres": ({"mesh_id": "millimetres"}, "MESH_EXTENT_IMPLAUSIBLE", ["50", "mm"]),
-    "nothing graspable": ({"mesh_id": "crate"}, "NO_FEASIBLE_GRASP", ["900"]),
+    "nothing graspable": ({"mesh_id": "crate", "time_budget": 8.0}, "NO_FEASIBLE_GRASP", ["900"]),
     "empty frame": ({"pose": {"frame": ""}}, "EMPTY_FRAME", ["frame_id"]),
     "bad frame": ({"pose": {"frame": "a b"}}, "EMPTY_FRAME", ["'a b'"]),
     "NaN pose": ({"pose": {"xyz": (NAN, 0, 0)}}, "POSE_NOT_FINITE", ["nan"]),

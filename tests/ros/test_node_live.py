@@ -67,7 +67,7 @@ def test_a_good_answer_is_complete(planned: PlanGrasp.Response) -> None:
 
 
 def test_grasps_that_held_in_physics_come_first(client: Any, node: Any) -> None:
-    response = client.plan("sphere", verification="require", time_budget=10.0, n_grasps=4)
+    response = client.plan("sphere", verification="require", time_budget=30.0, n_grasps=4)
     assert response.success, response.message
     for grasp in response.grasps:
         trials = grasp.verification
@@ -215,16 +215,16 @@ def test_a_changed_file_is_planned_anew(
     bar, bar_file = tools.stl(tools.box(0.04)), parts / "bar.stl"
     (parts / "bar.yaml").write_text("unit: m\n")
     bar_file.write_bytes(bar)
-    first = client.plan("bar")
+    first = client.plan("bar", time_budget=6.0)
     assert not first.from_cache
-    assert client.plan("bar").from_cache
+    assert client.plan("bar", time_budget=6.0).from_cache
     bar_file.write_bytes(tools.stl(tools.box(0.05)))
-    changed = client.plan("bar")
+    changed = client.plan("bar", time_budget=6.0)
     assert changed.success
     assert not changed.from_cache
     assert changed.grasps[0].mesh_hash != first.grasps[0].mesh_hash
     bar_file.write_bytes(bar)
-    back = client.plan("bar")
+    back = client.plan("bar", time_budget=6.0)
     assert back.from_cache
     assert back.grasps[0].mesh_hash == first.grasps[0].mesh_hash
 
@@ -233,7 +233,7 @@ def test_the_death_of_the_planning_process_is_survived(
     node: Any, client: Any, planned: PlanGrasp.Response, tools: Any
 ) -> None:
     worker = node.wait_worker()
-    future = client.call_async(tools.request("sphere", time_budget=30.0, seed=21))
+    future = client.call_async(tools.request("sphere", time_budget=12.0, seed=21))
 
     def processor_ticks() -> int:
         return int(Path(f"/proc/{worker}/stat").read_text().split()[13])
@@ -243,8 +243,8 @@ def test_the_death_of_the_planning_process_is_survived(
     os.kill(worker, signal.SIGKILL)
     tools.wait(future.done, "the answer", 60.0)
     answer = future.result()
-    assert answer.code == ErrorCode.PLANNING_PROCESS_LOST
-    assert "SIGKILL" in answer.message
+    assert answer.success, answer.message  # given to the next process
+    assert "was lost while planning: it was ended by SIGKILL" in node.text()
     assert client.plan("mug").from_cache
-    assert client.plan("sphere", seed=22).success
+    assert client.plan("sphere", seed=22, time_budget=6.0).success
     assert node.wait_worker() != worker

@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseStamped, Vector3
 
 from gpis_grasp_msgs.msg import Obstacle
 from gpis_grasp_msgs.srv import PlanGrasp
-from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.scene_source import SceneSource
@@ -75,9 +75,9 @@ def test_obstacles_of_the_request_come_beside_the_default_ones() -> None:
 def test_defaults_in_another_frame_are_told_and_not_left_out(
     settings: dict[str, Any], parameter: str
 ) -> None:
-    with pytest.raises(RequestError, match=f"{parameter} is 'world'.*'cell'") as caught:
+    with pytest.raises(PoseError, match=f"{parameter}: .*'world' to 'cell'") as caught:
         source(**settings).place(PlanGrasp.Request(), POSE)
-    assert caught.value.code == ErrorCode.INVALID_SCENE
+    assert caught.value.code == ErrorCode.NO_TRANSFORM
 
 
 def test_a_mesh_that_is_not_in_the_catalogue_is_a_bad_scene() -> None:
@@ -91,7 +91,7 @@ def test_a_mesh_that_is_not_in_the_catalogue_is_a_bad_scene() -> None:
 
 def test_a_name_cannot_forge_a_line_of_the_log() -> None:
     box = Obstacle(name="a\nb", pose=plane("table", 1.0), size=Vector3(x=1.0, y=1.0, z=1.0))
-    with pytest.raises(RequestError, match=r"'a\\nb'"):
+    with pytest.raises(PoseError, match=r"'a\\nb'"):
         source().place(PlanGrasp.Request(obstacles=[box]), POSE)
 
 
@@ -104,3 +104,51 @@ def test_the_covariance_is_turned_to_the_parts_axes_or_left_alone() -> None:
     assert np.diag(place.covariance) == pytest.approx([4.0, 1.0, 9.0, 0.2, 0.1, 0.3])
     off = SceneSource(NodeSettings, no_mesh, lambda: False)
     assert not off.place(PlanGrasp.Request(), pose)
+
+
+def test_other_frames_are_brought_into_that_of_the_pose_at_its_time() -> None:
+    asked: list[tuple[str, str, int]] = []
+
+    def transform(target: str, source: str, stamp_ns: int) -> np.ndarray:
+        asked.append((target, source, stamp_ns))
+        return from_position_quat_xyzw([0, 0, 1], [HALF, 0, 0, HALF])  # z becomes -y
+
+    scenes = SceneSource(NodeSettings, no_mesh, transform=transform)
+    box = Obstacle(name="box", pose=plane("table", 0.5), size=Vector3(x=0.1, y=0.1, z=0.1))
+    request = PlanGrasp.Request(support_plane=plane("base", 0.25), obstacles=[box])
+    around = scenes.place(request, POSE).surroundings
+    assert asked == [("cell", "base", 1), ("cell", "table", 1)]
+    assert around.support is not None
+    np.testing.assert_allclose(around.support.point, [0, -0.25, 1], atol=1e-12)
+    np.testing.assert_allclose(around.support.normal, [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(around.obstacles[0].pose[:3, 3], [0, -0.5, 1], atol=1e-12)
+
+
+def test_a_part_far_from_its_frames_origin_has_the_same_surroundings() -> None:
+    """In a map, say; the planner itself takes nothing beyond 100 m."""
+    offset = np.array([350.0, -2100.0, 0.0])
+
+    def around(shift: np.ndarray, **settings: Any) -> Any:
+        T = POSE.T_world_object.copy()
+        T[:3, 3] += shift
+        pose = ObjectPose(T, "cell", 1, None, ())
+        x, y, _ = map(float, shift)
+        box = Obstacle(name="box", pose=plane("cell", 0.9), size=Vector3(x=0.1, y=0.1, z=0.1))
+        box.pose.pose.position.x, box.pose.pose.position.y = x + 0.4, y
+        request = PlanGrasp.Request(support_plane=plane("cell", 0.75), obstacles=[box])
+        return source(**settings).place(request, pose).around()
+
+    far = f"[{{name: wall, position: [{350.4}, -2100, 0.9], size: [0.02, 1, 0.3]}}]"
+    here = around(np.zeros(3), obstacles=WALL, obstacles_frame="cell")
+    there = around(offset, obstacles=far, obstacles_frame="cell")
+    assert len(here.obstacles) == len(there.obstacles) == 2
+    assert here.support.point @ here.support.normal == pytest.approx(
+        there.support.point @ there.support.normal, abs=1e-9
+    )
+    for one, other in zip(here.obstacles, there.obstacles, strict=True):
+        np.testing.assert_allclose(one.pose, other.pose, atol=1e-9)
+
+
+def test_default_obstacles_at_the_other_end_of_the_hall_are_left_out() -> None:
+    listed = "[{name: far, position: [3000, 0, 0], size: [1, 1, 1]}]"
+    assert not source(obstacles=listed, obstacles_frame="cell").place(PlanGrasp.Request(), POSE)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
+from gpis_grasp_planner.errors import ErrorCode, MeshError, PlanningError, RequestError
 from gpis_grasp_planner.geometry.catalogue import CatalogueSettings, MeshCatalogue
 from gpis_grasp_planner.ros.worker import parts as part_loading
 from gpis_grasp_planner.ros.worker.parts import PartLoader, load_apart
@@ -63,14 +63,42 @@ def test_a_crash_while_reading_is_an_error_of_the_mesh(
     assert multiprocessing.active_children() == []
 
 
+@pytest.fixture
+def stuck(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reading a mesh takes for ever."""
+    monkeypatch.setattr(MeshCatalogue, "load", lambda *_: signal.pause())
+
+
+@pytest.mark.usefixtures("stuck")
+def test_a_reader_that_hangs_is_ended_at_its_limit(parts: Path) -> None:
+    with pytest.raises(MeshError, match=r"not done after 0\.2 s .*mesh_read_limit_s") as caught:
+        load_apart([parts], SETTINGS, "mug", limit_s=0.2)
+    assert caught.value.code == ErrorCode.MESH_UNREADABLE
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.usefixtures("stuck")
+def test_a_reader_that_nobody_waits_for_is_ended(parts: Path) -> None:
+    with pytest.raises(PlanningError, match="Cancelled while the mesh 'mug'") as caught:
+        PartLoader().load([parts], SETTINGS, "mug", should_stop=lambda: True)
+    assert caught.value.code == ErrorCode.CANCELLED
+    assert multiprocessing.active_children() == []
+
+
+def test_a_directory_that_is_gone_is_named_by_number_not_by_path(tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match=r"Directory 1 of 1 .*mesh_directories") as caught:
+        load_apart([tmp_path / "gone"], SETTINGS, "mug")
+    assert str(tmp_path) not in caught.value.message
+
+
 def test_a_part_is_kept_until_its_file_or_the_settings_change(
     parts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read: list[str] = []
 
-    def counted(*arguments: object) -> object:
-        read.append(str(arguments[-1]))
-        return MeshCatalogue([tmp_path], SETTINGS).load(str(arguments[-1]))
+    def counted(_directories: object, _settings: object, mesh_id: str, *_: object) -> object:
+        read.append(mesh_id)
+        return MeshCatalogue([tmp_path], SETTINGS).load(mesh_id)
 
     monkeypatch.setattr(part_loading, "load_apart", counted)
     for name in ("mug", *"abcd"):

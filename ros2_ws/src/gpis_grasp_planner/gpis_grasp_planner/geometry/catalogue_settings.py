@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 
@@ -48,6 +49,13 @@ class CatalogueSettings(SettingsGroup):
         high=1000.0,
         description="A part whose largest extent is larger is refused as a mistake of units.",
     )
+    simplify_above_faces: int = setting(
+        60_000,
+        low=10_000,
+        high=10_000_000,
+        description="A mesh with more triangles is simplified for surface, field and physics; "
+        "contacts are decided on the full mesh.",
+    )
     degenerate_faces: str = setting(
         "drop",
         choices=("drop", "refuse"),
@@ -62,3 +70,11 @@ class CatalogueSettings(SettingsGroup):
         description="Density of a part whose sidecar gives neither mass, density nor material.",
         common=True,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.min_extent_m > self.max_extent_m:
+            raise RequestError(
+                f"Setting 'min_extent_m' is {self.min_extent_m:g}, above 'max_extent_m' "
+                f"{self.max_extent_m:g}: no part could be used. Lower the one or raise the other."
+            )

@@ -192,7 +192,9 @@ class PlanRun:
             self.part, self._friction, verification, self.request.seed, self.place.covariance
         )
         made = prepare(self.part, verification, prepared.field, prepared.tree)
-        kept = KeptCover(self.settings.cache, self.part.mesh, verification.cover_tolerance_m)
+        kept = KeptCover(
+            self.settings.cache, self.part.working_mesh, verification.cover_tolerance_m
+        )
         kept.load_into(made.cover)
         trials = RunningTrials(
             self.part, self.hand, verification, made, cases, kept.save, self.monitor.now

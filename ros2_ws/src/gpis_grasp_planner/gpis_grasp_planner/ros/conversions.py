@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from gpis_grasp_msgs.action import PlanGrasp
 from gpis_grasp_msgs.msg import Contact as ContactMessage
 from gpis_grasp_msgs.msg import Grasp as GraspMessage
 from gpis_grasp_msgs.msg import GraspVerification
@@ -21,6 +22,7 @@ from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import Trials
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
 
@@ -72,9 +74,13 @@ def verification_message(trials: Trials | None) -> GraspVerification:
 
 
 def grasp_message(
-    grasp: Grasp, plan: Plan, pose: ObjectPose, hand: HandDescription
+    grasp: Grasp,
+    plan: Plan,
+    pose: ObjectPose,
+    hand: HandDescription,
+    T_palm_flange: Array | None = None,
 ) -> GraspMessage:
-    """One grasp where the object lies."""
+    """One grasp where the object lies; without `T_palm_flange` the flange's pose is the palm's."""
     header = header_message(pose)
     T_world_object = pose.T_world_object
     T_world_palm = T_world_object @ grasp.T_object_palm
@@ -88,6 +94,12 @@ def grasp_message(
         mesh_id=plan.mesh_id,
         mesh_hash=plan.mesh_hash,
         palm_pose=PoseStamped(header=header, pose=pose_message(T_world_palm)),
+        flange_pose=PoseStamped(
+            header=header,
+            pose=pose_message(
+                T_world_palm if T_palm_flange is None else T_world_palm @ T_palm_flange
+            ),
+        ),
         pre_grasp=joint_state_message(header, hand.joint_names, grasp.pregrasp_joints),
         grasp=joint_state_message(header, hand.joint_names, grasp.joints),
         pre_grasp_palm_pose=PoseStamped(header=header, pose=pose_message(T_world_pregrasp)),
@@ -111,4 +123,21 @@ def grasp_message(
                 grasp.contacts.links, positions, normals, grasp.contacts.friction, strict=True
             )
         ],
+    )
+
+
+def feedback_message(call: Call) -> PlanGrasp.Feedback:
+    """How far the work for a goal is."""
+    progress = call.progress
+    if progress is None:
+        return PlanGrasp.Feedback(phase="waiting", elapsed=call.elapsed_s, best_epsilon=-1.0)
+    return PlanGrasp.Feedback(
+        phase=str(progress.phase),
+        share_done=progress.share_done,
+        elapsed=call.elapsed_s,
+        evaluations=progress.evaluations,
+        best_epsilon=float(progress.best_epsilon),
+        n_candidates=progress.n_candidates,
+        n_tried=progress.n_tried,
+        n_held=progress.n_held,
     )

@@ -7,6 +7,8 @@ import stat
 from collections.abc import Sequence
 from pathlib import Path
 
+from gpis_grasp_planner.errors import RequestError
+
 
 def fingerprint(directories: Sequence[Path], mesh_id: str, max_bytes: int) -> str | None:
     """SHA-256 (hex) over everything that may decide what an ID means; None if there is nothing.
@@ -41,6 +43,23 @@ def fingerprint(directories: Sequence[Path], mesh_id: str, max_bytes: int) -> st
             found = True
             digest.update(f"{path}\0{_content(path, max_bytes)}\0".encode())
     return digest.hexdigest() if found else None
+
+
+def check_directories(directories: Sequence[Path]) -> None:
+    """Refuse a catalogue one of whose directories is gone, without its path in the message.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SETTING.
+    """
+    for number, directory in enumerate(directories, start=1):
+        if not directory.is_dir():
+            raise RequestError(
+                f"Directory {number} of {len(directories)} of the mesh catalogue (parameter "
+                "mesh_directories) does not exist or is no directory any more. Put it back, or "
+                "start the node with another."
+            )
 
 
 def _belongs(name: str, mesh_id: str, base: str) -> bool:

@@ -31,6 +31,13 @@ TYPES = {
     str: ParameterType.PARAMETER_STRING,
     tuple: ParameterType.PARAMETER_STRING_ARRAY,
 }
+IN_WORDS = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number with a decimal point, such as 2.0",
+    str: "a text",
+    tuple: "a list of texts, such as \"['/one', '/two']\"",
+}
 # Parameters that rclpy itself knows.
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
@@ -90,9 +97,10 @@ class NodeParameters:
         try:
             self._node.declare_parameter(name, default, _descriptor(name, info))
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            given = self._node._parameter_overrides[name].value
             raise RequestError(
-                f"Parameter '{name}' was given a value that is refused: {error}. It takes a "
-                f"{info.type.__name__}{_bounds(info)}; the default is {info.default!r}."
+                f"Parameter '{name}' was given {given!r:.100}; it takes {IN_WORDS[info.type]}"
+                f"{_bounds(info)}. The default is {_written(info.default)}."
             ) from error
 
     def _built(self, changes: Mapping[str, Any]) -> dict[str, SettingsGroup]:
@@ -101,12 +109,13 @@ class NodeParameters:
         for group, kind in parameter_groups().items():
             prefix = f"{group}." if group else ""
             names = [n for n, i in self._infos.items() if n == prefix + i.name]
-            values = {
-                n.removeprefix(prefix): changes.get(n, self._node.get_parameter(n).value)
-                for n in names
-            }
             groups[group] = kind.from_mapping(
-                {k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in values.items()}
+                {
+                    n.removeprefix(prefix): _value(
+                        n, self._infos[n], changes.get(n, self._node.get_parameter(n).value)
+                    )
+                    for n in names
+                }
             )
         return groups
 
@@ -142,6 +151,25 @@ def _descriptor(name: str, info: SettingInfo) -> ParameterDescriptor:
             whole = IntegerRange(from_value=int(info.low), to_value=int(info.high))
             descriptor.integer_range = [whole]
     return descriptor
+
+
+def _value(name: str, info: SettingInfo, value: Any) -> Any:
+    """A parameter's value as the setting takes it; a single text is a list of one."""
+    if info.type is not tuple:
+        return value
+    values = (value,) if isinstance(value, str) else value
+    if not isinstance(values, (list, tuple)) or not all(isinstance(v, str) for v in values):
+        raise RequestError(
+            f"Parameter '{name}' was given {value!r:.100}; it takes {IN_WORDS[tuple]}."
+        )
+    return tuple(values)
+
+
+def _written(default: Any) -> str:
+    """A default as one would write it on the command line."""
+    if isinstance(default, tuple):
+        return str(list(default))
+    return str(default).lower() if isinstance(default, bool) else repr(default)
 
 
 def _bounds(info: SettingInfo) -> str:

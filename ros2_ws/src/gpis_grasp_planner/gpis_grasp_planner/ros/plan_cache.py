@@ -30,7 +30,7 @@ def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
     """
     settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
     content: Mapping[str, Any] = {
-        **asdict(replace(order, place=None, known=b"")),
+        **asdict(replace(order, place=None, known=b"", read_limit_s=0.0)),
         "settings": settings,
         "mesh": mesh_fingerprint,
     }
@@ -51,6 +51,11 @@ class PlanCache:
 
     def __len__(self) -> int:
         return len(self._plans)
+
+    def count(self, mesh_id: str) -> int:
+        """Plans of one mesh."""
+        with self._lock:
+            return sum(plan.mesh_id == mesh_id for plan in self._plans.values())
 
     def get(self, key: str, place: Place | None = None) -> Plan | None:
         """The plan made for surroundings like these, else the latest for any; it counts as used.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
@@ -16,13 +17,19 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import PartPoses
-from gpis_grasp_planner.errors import ErrorCode, PoseError
-from gpis_grasp_planner.ros.request_guard import ObjectPose, RawPose, check_pose
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, RequestError
+from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
+from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of
+from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose, RawPose, check_pose
+from gpis_grasp_planner.ros.scene_defaults import point_of_text
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.ros.tf_listener import TfListener
 
 OBJECT_POSE_TOPIC = "object_pose"
 PART_POSES_TOPIC = "part_poses"
+DETECTIONS_TOPIC = "detections"
 
 # A best-effort, volatile subscription matches publishers of either reliability and durability.
 ESTIMATE_QOS = QoSProfile(
@@ -30,8 +37,11 @@ ESTIMATE_QOS = QoSProfile(
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
-# Of part_poses: a stray publisher must not fill the memory.
+# Of part_poses: a stray publisher must not fill the memory; the oldest go first.
 MAX_PARTS = 1000
+# An estimate that nobody can use any more is forgotten after so many times the allowed age.
+FORGET_AFTER_AGES = 10.0
+FORGET_AFTER_S = 60.0
 # A broken estimator at 100 Hz shall not fill the log.
 WARNING_PERIOD_S = 5.0
 
@@ -44,6 +54,11 @@ class PoseSource:
     node : Node
     settings : callable
         Gives the node's settings at the moment of the call.
+
+    Attributes
+    ----------
+    on_estimate : callable
+        Called with the mesh ID of each good estimate, None for one that names no part.
     """
 
     def __init__(self, node: Node, settings: Callable[[], NodeSettings]) -> None:
@@ -53,20 +68,39 @@ class PoseSource:
         self._untagged: RawPose | None = None
         self._by_part: dict[str, RawPose] = {}
         self._last_warning_s = -WARNING_PERIOD_S
-        if settings().pose_type == "pose_stamped":
-            node.create_subscription(
-                PoseStamped, OBJECT_POSE_TOPIC, self._on_pose, qos_profile=ESTIMATE_QOS
-            )
-        else:
-            node.create_subscription(
-                PoseWithCovarianceStamped,
-                OBJECT_POSE_TOPIC,
-                self._on_pose_with_covariance,
-                qos_profile=ESTIMATE_QOS,
-            )
+        self.on_estimate: Callable[[str | None], None] = lambda _mesh_id: None
+        self._frames: TfListener | None = None
+        self._subscribe(settings().pose_type)
         node.create_subscription(
             PartPoses, PART_POSES_TOPIC, self._on_part_poses, qos_profile=ESTIMATE_QOS
         )
+
+    def _subscribe(self, pose_type: str) -> None:
+        kinds: dict[str, tuple[Any, str, Callable[[Any], None]]] = {
+            "pose_stamped": (PoseStamped, OBJECT_POSE_TOPIC, self._on_pose),
+            "pose_with_covariance_stamped": (
+                PoseWithCovarianceStamped,
+                OBJECT_POSE_TOPIC,
+                self._on_pose_with_covariance,
+            ),
+        }
+        if pose_type == "detection3d_array":
+            try:
+                from vision_msgs.msg import Detection3DArray
+            except ImportError:
+                raise RequestError(
+                    "Setting 'pose_type' is 'detection3d_array', and the package vision_msgs is "
+                    "not installed. Install ros-jazzy-vision-msgs, or choose another type."
+                ) from None
+            kinds[pose_type] = Detection3DArray, DETECTIONS_TOPIC, self._on_detections
+        if pose_type in kinds:
+            kind, topic, callback = kinds[pose_type]
+            self._node.create_subscription(kind, topic, callback, qos_profile=ESTIMATE_QOS)
+
+    def listen_to(self, frames: TfListener) -> None:
+        """Take poses of parts from tf, where `pose_type` says so."""
+        if self._settings().pose_type == "tf":
+            self._frames = frames
 
     def newest(self, mesh_id: str) -> ObjectPose:
         """The newest estimate for a part, checked at this moment.
@@ -79,8 +113,9 @@ class PoseSource:
         PoseError
             NO_POSE_ESTIMATE, or what is wrong with the newest one.
         """
+        from_tf = self._from_tf(mesh_id)
         with self._lock:
-            raw = self._by_part.get(mesh_id, self._untagged)
+            raw = from_tf or self._by_part.get(mesh_id, self._untagged)
             others = sorted(self._by_part)
         if raw is None:
             seen = ""
@@ -117,10 +152,18 @@ class PoseSource:
             self._warn(note)
         return pose
 
-    def count(self) -> int:
-        """Number of parts with an estimate; the one without a name counts as one."""
+    def parts(self) -> list[str]:
+        """Mesh IDs of the parts that have an estimate by name, sorted."""
         with self._lock:
-            return len(self._by_part) + (self._untagged is not None)
+            return sorted(self._by_part)
+
+    def names(self) -> str:
+        """Which parts have an estimate, for people; at most twenty by name."""
+        with self._lock:
+            parts = list(self._by_part)
+            untagged = self._untagged is not None
+        shown = [*sorted(parts)[:20], *(["..."] if len(parts) > 20 else [])]
+        return ", ".join([*([f"({OBJECT_POSE_TOPIC})"] if untagged else []), *shown]) or "none"
 
     def _on_pose(self, message: PoseStamped) -> None:
         raw = self._raw(f"the estimate on {OBJECT_POSE_TOPIC}", message.header, message.pose)
@@ -135,6 +178,51 @@ class PoseSource:
         )
         self._take(None, raw)
 
+    def _on_detections(self, message: Any) -> None:
+        settings = self._settings()
+        near = settings.instance_point
+        chosen = chosen_instances(
+            message.detections,
+            mapping_of(settings.class_ids, "class_ids"),
+            settings.min_score,
+            point_of_text(near, "instance_point") if near else None,
+        )
+        for mesh_id, (header, hypothesis) in chosen.items():
+            raw = self._raw(
+                f"the detection of '{printable(mesh_id, 64)}' on {DETECTIONS_TOPIC}",
+                header if header.frame_id else message.header,
+                hypothesis.pose.pose,
+                tuple(hypothesis.pose.covariance),
+            )
+            self._take(mesh_id, raw)
+
+    def _from_tf(self, mesh_id: str) -> RawPose | None:
+        """The pose of a part's frame on tf, at the time it was last seen there."""
+        settings = self._settings()
+        if self._frames is None:
+            return None
+        frames = mapping_of(settings.object_frames, "object_frames")
+        frame = next((f for f, m in frames.items() if m == mesh_id), None)
+        if frame is None:
+            return None
+        parent = settings.object_parent_frame
+        stamp_ns = self._frames.tree.newest_stamp_ns(frame)
+        now_ns = self._node.get_clock().now().nanoseconds
+        T = self._frames.transform(parent, frame, now_ns if stamp_ns is None else stamp_ns)
+        position, quat = to_position_quat_xyzw(T)
+        seconds, nanoseconds = divmod(stamp_ns or 0, NANOSECONDS)
+        return RawPose(
+            source=f"the frame '{printable(frame, 60)}' on tf",
+            frame_id=parent,
+            stamp_sec=seconds,
+            stamp_nanosec=nanoseconds,
+            position=(float(position[0]), float(position[1]), float(position[2])),
+            quat_xyzw=(float(quat[0]), float(quat[1]), float(quat[2]), float(quat[3])),
+            covariance=None,
+            arrival_ns=now_ns,
+            arrival_steady_s=time.monotonic(),
+        )
+
     def _on_part_poses(self, message: PartPoses) -> None:
         for part in message.parts:
             raw = self._raw(
@@ -146,17 +234,31 @@ class PoseSource:
             self._take(part.mesh_id, raw)
 
     def _take(self, mesh_id: str | None, raw: RawPose) -> None:
+        if mesh_id is not None and ID_PATTERN.fullmatch(mesh_id) is None:
+            self._warn(f"{raw.source}: no catalogue can hold that mesh ID; ignored.")
+            return
         with self._lock:
             if mesh_id is None:
                 self._untagged = raw
-            elif mesh_id in self._by_part or len(self._by_part) < MAX_PARTS:
-                self._by_part[mesh_id] = raw
             else:
-                self._warn(f"More than {MAX_PARTS} parts on {PART_POSES_TOPIC}; ignoring new ones.")
+                self._by_part.pop(mesh_id, None)
+                self._by_part[mesh_id] = raw  # at the end: the dictionary is in order of arrival
+            self._forget_old(raw.arrival_steady_s)
         try:
             self.checked(raw)
-        except PoseError as error:
+            self.on_estimate(mesh_id)
+        except GraspPlannerError as error:
             self._warn(error.message)
+        except Exception as error:
+            # An estimate that a check did not foresee must not leave this callback.
+            self._warn(f"{raw.source} could not be checked: {error!r:.200}")
+
+    def _forget_old(self, now_s: float) -> None:
+        keep_s = max(FORGET_AFTER_S, FORGET_AFTER_AGES * self._settings().max_pose_age_s)
+        for mesh_id, raw in list(self._by_part.items()):
+            if len(self._by_part) <= MAX_PARTS and now_s - raw.arrival_steady_s <= keep_s:
+                break
+            del self._by_part[mesh_id]
 
     def _raw(
         self,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_path
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -33,18 +34,24 @@ class GraspPublishers:
         self._lock = threading.Lock()  # messages of two answers must not mix
         self._grasp = node.create_publisher(Grasp, "grasp", LATCHED_QOS)
         self._palm_pose = node.create_publisher(PoseStamped, "palm_pose", LATCHED_QOS)
+        self._palm_poses = node.create_publisher(PoseArray, "palm_poses", LATCHED_QOS)
         self._joints = node.create_publisher(JointState, "grasp_joint_states", LATCHED_QOS)
         self._marker_array = node.create_publisher(MarkerArray, "grasp_markers", LATCHED_QOS)
         self._description = node.create_publisher(String, "robot_description", LATCHED_QOS)
         self._description.publish(String(data=urdf))
 
-    def publish(self, grasp: Grasp) -> None:
-        """Publish one grasp on all topics."""
-        markers = self._markers.array(grasp)
+    def publish(self, grasps: Sequence[Grasp]) -> None:
+        """Publish the first of the grasps on all topics, and where the palm is in each of them."""
+        best = grasps[0]
+        markers = self._markers.array(best)
+        palms = PoseArray(
+            header=best.palm_pose.header, poses=[grasp.palm_pose.pose for grasp in grasps]
+        )
         with self._lock:
-            self._grasp.publish(grasp)
-            self._palm_pose.publish(grasp.palm_pose)
-            self._joints.publish(grasp.grasp)
+            self._grasp.publish(best)
+            self._palm_pose.publish(best.palm_pose)
+            self._joints.publish(best.grasp)
+            self._palm_poses.publish(palms)
             self._marker_array.publish(markers)
 
 

@@ -7,7 +7,6 @@ arrival) or neither too old nor in the future; covariance finite, symmetric, not
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.plan.request import TIME_BUDGET_RANGE_S, PlanRequest
 from gpis_grasp_planner.ros.settings import PLANNER_NAMES, NodeSettings
-from gpis_grasp_planner.ros.text import printable
+from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.surroundings.covariance import check_covariance
 
 Array = NDArray[np.float64]
@@ -25,7 +24,6 @@ Array = NDArray[np.float64]
 QUATERNION_TOLERANCE = 1e-3
 POSITION_LIMIT_M = 1e6
 NANOSECONDS = 1_000_000_000
-FRAME_PATTERN = re.compile(r"[A-Za-z0-9_~/][A-Za-z0-9_./~:-]{0,254}", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +121,7 @@ def check_pose(
     """
     check_frame(raw)
     T_world_object, note = _checked_transform(raw)
+    _check_workspace(raw, settings.workspace_radius_m)
     covariance = _known_covariance(raw)
     stamp_ns = _checked_stamp(raw, now_ns, now_steady_s, settings)
     return ObjectPose(T_world_object, raw.frame_id, stamp_ns, covariance, note)
@@ -164,6 +163,18 @@ def _checked_transform(raw: RawPose) -> tuple[Array, tuple[str, ...]]:
     if abs(norm - 1.0) > 1e-6:
         notes = (f"The quaternion of {raw.source} had the norm {norm:.6g} and was normalised.",)
     return from_position_quat_xyzw(values[:3], values[3:] / norm), notes
+
+
+def _check_workspace(raw: RawPose, radius_m: float) -> None:
+    distance = float(np.linalg.norm(raw.position))
+    if distance > radius_m:
+        hint = f" In millimetres that would be {distance / 1e3:.3g} m." if distance < 1e5 else ""
+        raise PoseError(
+            f"The position of {raw.source} is {distance:g} m from the origin of "
+            f"'{printable(raw.frame_id, 60)}'; the limit is {radius_m:g} m (parameter "
+            f"workspace_radius_m).{hint} Give metres, or raise the limit.",
+            ErrorCode.OUTSIDE_WORKSPACE,
+        )
 
 
 def _known_covariance(raw: RawPose) -> Array | None:

@@ -5,21 +5,39 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
 
 from gpis_grasp_msgs.msg import Obstacle
-from gpis_grasp_msgs.srv import PlanGrasp
-from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.request_guard import ObjectPose
-from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.scene_defaults import obstacles_of, pose_of_text, read_far_position
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import printable
 from gpis_grasp_planner.surroundings.covariance import covariance_in_object
 from gpis_grasp_planner.surroundings.obstacles import Surroundings, read_pose
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
 
+Array = NDArray[np.float64]
+
 SUPPORT = "support"
+# A part further away from its frame's origin: positions are counted from the part instead.
+_NEAR_M = 50.0
+# What is further away from the part does not concern its grasps.
+_REACH_M = 100.0
+
+Transform = Callable[[str, str, int], Array]
+
+
+def _no_transform(target: str, source: str, _stamp_ns: int) -> Array:
+    raise PoseError(
+        f"There is no transform from '{printable(source, 60)}' to '{printable(target, 60)}'.",
+        ErrorCode.NO_TRANSFORM,
+    )
 
 
 class SceneSource:
@@ -36,6 +54,9 @@ class SceneSource:
         Refuses a mesh ID that the catalogue does not have.
     uses_covariance : callable
         Whether covariances are looked at, at the moment of the call.
+    transform : callable
+        Takes a target frame, a source frame and a time [ns]; returns T_target_source (4, 4), or
+        raises PoseError.
     """
 
     def __init__(
@@ -43,61 +64,80 @@ class SceneSource:
         settings: Callable[[], NodeSettings],
         check_mesh_id: Callable[[str], None],
         uses_covariance: Callable[[], bool] = lambda: True,
+        transform: Transform = _no_transform,
     ) -> None:
         self._settings = settings
         self._uses_covariance = uses_covariance
         self._check_mesh_id = check_mesh_id
+        self._transform = transform
 
-    def place(self, request: PlanGrasp.Request, pose: ObjectPose) -> Place:
+    def place(self, request: GraspRequest, pose: ObjectPose) -> Place:
         """The place of a part at a checked pose.
 
         Raises
         ------
         RequestError
             INVALID_SCENE.
+        PoseError
+            NO_TRANSFORM or TRANSFORM_STALE, for a frame that cannot be brought into the pose's.
         """
+        T, covariance = pose.T_world_object.copy(), None
+        origin = np.zeros(3)
+        if np.abs(T[:3, 3]).max() > _NEAR_M:
+            origin, T[:3, 3] = pose.T_world_object[:3, 3], 0.0
         data: dict[str, Any] = {}
-        if (plane := self._support(request.support_plane, pose.frame_id)) is not None:
-            data["support"] = plane
+        if (support := self._support(request.support_plane, pose)) is not None:
+            normal, point = support[:3, 2], support[:3, 3] - origin
+            # Of a plane far away: the point of it that is nearest to the part.
+            foot = T[:3, 3] + normal * float(normal @ (point - T[:3, 3]))
+            far = np.abs(point).max() > _NEAR_M
+            data["support"] = {
+                "name": SUPPORT,
+                "point": (foot if far else point).tolist(),
+                "normal": normal.tolist(),
+            }
         obstacles = [
-            *self._default_obstacles(pose.frame_id),
+            *self._default_obstacles(pose, origin, T[:3, 3]),
             *(
-                self._obstacle(obstacle, number, pose.frame_id)
+                self._obstacle(obstacle, number, pose, origin)
                 for number, obstacle in enumerate(request.obstacles)
             ),
         ]
         if obstacles:
             data["obstacles"] = obstacles
-        T, covariance = pose.T_world_object, None
         if pose.covariance is not None and self._uses_covariance():
             covariance = covariance_in_object(pose.covariance, T[:3, :3])
         return Place(T, Surroundings.from_mapping(data, self._stand_in), covariance)
 
-    def _support(self, message: PoseStamped, frame_id: str) -> dict[str, Any] | None:
+    def _support(self, message: PoseStamped, pose: ObjectPose) -> Array | None:
+        """Pose (4, 4) of the support plane in the frame of the part's pose."""
         settings = self._settings()
         if message.header.frame_id:
-            what = "the request's support_plane"
-            _check_same_frame(message.header.frame_id, frame_id, what)
-            T = read_pose(_pose_entry(message), what)
-        elif settings.support_frame:
-            _check_same_frame(settings.support_frame, frame_id, "the parameter support_frame")
-            T = support_pose_of(settings.support_pose)
-        else:
-            _check_untouched(message)
-            return None
-        return {"name": SUPPORT, "point": T[:3, 3].tolist(), "normal": T[:3, 2].tolist()}
+            T = _pose_of(message, "the request's support_plane")
+            return self._into(pose, message.header.frame_id, "the request's support_plane") @ T
+        if settings.support_frame:
+            T = pose_of_text(settings.support_pose, "support_pose")
+            return self._into(pose, settings.support_frame, "the parameter support_frame") @ T
+        _check_untouched(message)
+        return None
 
-    def _default_obstacles(self, frame_id: str) -> list[dict[str, Any]]:
+    def _default_obstacles(
+        self, pose: ObjectPose, origin: Array, p_object: Array
+    ) -> list[dict[str, Any]]:
         settings = self._settings()
         listed = obstacles_of(settings.obstacles)
-        if listed:
-            _check_same_frame(settings.obstacles_frame, frame_id, "the parameter obstacles_frame")
-        return listed
+        if not listed:
+            return []
+        T = self._into(pose, settings.obstacles_frame, "the parameter obstacles_frame")
+        moved = [_moved(entry, T, origin) for entry in listed]
+        return [e for e in moved if np.abs(e["position"] - p_object).max() <= _REACH_M]
 
-    def _obstacle(self, message: Obstacle, number: int, frame_id: str) -> dict[str, Any]:
+    def _obstacle(
+        self, message: Obstacle, number: int, pose: ObjectPose, origin: Array
+    ) -> dict[str, Any]:
         name = printable(message.name, 60) or f"obstacle {number}"
-        _check_same_frame(message.pose.header.frame_id, frame_id, f"the pose of '{name}'")
-        entry = {"name": name, **_pose_entry(message.pose)}
+        T = self._into(pose, message.pose.header.frame_id, f"the pose of '{name}'")
+        entry: dict[str, Any] = _moved({"name": name, **_pose_entry(message.pose)}, T, origin)
         size = [message.size.x, message.size.y, message.size.z]
         if message.mesh_id:
             entry["mesh"] = message.mesh_id
@@ -106,6 +146,20 @@ class SceneSource:
         if any(size):
             entry["size"] = size
         return entry
+
+    def _into(self, pose: ObjectPose, frame_id: str, what: str) -> Array:
+        """Transform (4, 4) from a frame into that of the part's pose, at its time."""
+        if frame_id == pose.frame_id:
+            return np.eye(4)
+        if not frame_id:
+            raise _invalid(
+                f"{what[0].upper()}{what[1:]} has no frame. Set its header.frame_id, such as to "
+                f"'{printable(pose.frame_id, 60)}', that of the object's pose."
+            )
+        try:
+            return self._transform(pose.frame_id, frame_id, pose.stamp_ns)
+        except PoseError as error:
+            raise PoseError(f"Of {what}: {error.message}", error.code) from error
 
     def _stand_in(self, mesh_id: str) -> TriangleMesh:
         """Check the ID alone: only the planning process reads the geometry."""
@@ -121,14 +175,18 @@ def _pose_entry(message: PoseStamped) -> dict[str, list[float]]:
     return {"position": [p.x, p.y, p.z], "quat_xyzw": [q.x, q.y, q.z, q.w]}
 
 
-def _check_same_frame(frame_id: str, of_object: str, what: str) -> None:
-    # Another frame would need tf, and a time; the node moves nothing between frames.
-    if frame_id != of_object:
-        raise _invalid(
-            f"The frame of {what} is '{printable(frame_id, 40)}', that of the object's pose "
-            f"'{printable(of_object, 40)}'; they must be the same. Transform the one into the "
-            "other's frame before the call."
-        )
+def _pose_of(entry: PoseStamped | dict[str, Any], what: str) -> Array:
+    fields = _pose_entry(entry) if isinstance(entry, PoseStamped) else entry
+    T = read_pose({k: v for k, v in fields.items() if k == "quat_xyzw"}, what)
+    T[:3, 3] = read_far_position(fields.get("position", (0.0, 0.0, 0.0)), what)
+    return T
+
+
+def _moved(entry: dict[str, Any], T_new_old: Array, origin: Array) -> dict[str, Any]:
+    """An obstacle's entry in another frame, with its position counted from `origin`."""
+    T = T_new_old @ _pose_of(entry, f"'{entry.get('name', 'an obstacle')!s:.60}'")
+    position, quat_xyzw = to_position_quat_xyzw(T)
+    return {**entry, "position": position - origin, "quat_xyzw": quat_xyzw}
 
 
 def _check_untouched(message: PoseStamped) -> None:

@@ -16,7 +16,14 @@ from gpis_grasp_planner.plan.request import (
     TIME_BUDGET_RANGE_S,
     check_friction,
 )
-from gpis_grasp_planner.ros.scene_defaults import obstacles_of, support_pose_of
+from gpis_grasp_planner.ros.detections import mapping_of
+from gpis_grasp_planner.ros.scene_defaults import (
+    near_origin,
+    obstacles_of,
+    point_of_text,
+    pose_of_text,
+)
+from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.settings import SettingsGroup, setting
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN
@@ -35,6 +42,9 @@ PLANNER_NAMES = (
 )
 
 
+POSE_TYPES = ("pose_stamped", "pose_with_covariance_stamped", "detection3d_array", "tf")
+
+
 @dataclass(frozen=True)
 class NodeSettings(SettingsGroup):
     """What the node does around the planning: catalogue, poses, limits of a request, queue."""
@@ -46,8 +56,30 @@ class NodeSettings(SettingsGroup):
     )
     pose_type: str = setting(
         "pose_stamped",
-        choices=("pose_stamped", "pose_with_covariance_stamped"),
-        description="Message type of the topic object_pose.",
+        choices=POSE_TYPES,
+        description="Message type of the topic object_pose; or detection3d_array "
+        "(vision_msgs, topic detections), or tf: a frame for each part, by object_frames.",
+    )
+    class_ids: tuple[str, ...] = setting(
+        (),
+        description="For detection3d_array: pairs 'class_id=mesh_id'; a class without one is "
+        "taken for a mesh ID.",
+    )
+    min_score: float = setting(
+        0.5, low=0.0, high=1.0, description="Detections with a lower score are left out."
+    )
+    instance_point: str = setting(
+        "",
+        description="Of several detections of a part the one nearest to this point x y z is "
+        "taken, in their frame; empty: the one with the best score.",
+    )
+    object_frames: tuple[str, ...] = setting(
+        (), description="For tf: pairs 'frame=mesh_id', where the part's own frame is that frame."
+    )
+    object_parent_frame: str = setting(
+        "",
+        description="For tf: the frame in which the poses of these frames are taken, such as the "
+        "robot's base; it must be set.",
     )
     max_pose_age_s: float = setting(
         5.0, low=0.01, high=86_400.0, description="An older object pose is refused as stale."
@@ -115,22 +147,80 @@ class NodeSettings(SettingsGroup):
         description="Time beyond its budget after which a plan is given up and its process "
         "restarted; it covers reading the mesh and the preparation.",
     )
+    mesh_read_limit_s: float = setting(
+        60.0,
+        low=1.0,
+        high=3600.0,
+        description="Time after which reading one mesh file is given up.",
+    )
+    mesh_preparation_limit_s: float = setting(
+        120.0,
+        low=5.0,
+        high=3600.0,
+        description="Time after which the planning process is restarted while it reads and "
+        "prepares a mesh; that goes on, and is kept, where its request was answered "
+        "DEADLINE_EXCEEDED.",
+    )
+    retries_of_lost_orders: int = setting(
+        1,
+        low=0,
+        high=1,
+        description="How often a request whose planning process died is given to the next one.",
+    )
+    worker_memory_limit_mb: float = setting(
+        2000.0,
+        low=500.0,
+        high=1_000_000.0,
+        description="A planning process that has more memory than this for itself is replaced "
+        "between two plans.",
+    )
+    preempt_goals: bool = setting(
+        False,
+        description="Whether a new goal of the action ends those accepted before it.",
+    )
     plan_cache_size: int = setting(
         64, low=0, high=10_000, description="Plans kept in memory; the oldest go first."
     )
+    track: bool = setting(
+        False,
+        description="Whether the last grasp is published anew, from memory and checked against "
+        "the surroundings, when another estimate of its part comes.",
+    )
+    workspace_radius_m: float = setting(
+        100.0,
+        low=0.1,
+        high=1e6,
+        description="An object pose further than this from the origin of its frame is refused, "
+        "as a mistake of units most likely.",
+    )
+    tf_tolerance_s: float = setting(
+        0.2,
+        low=0.0,
+        high=60.0,
+        description="How far an object pose's stamp may lie outside the transforms that are "
+        "known of a frame; the nearest is taken.",
+    )
+    tf_wait_s: float = setting(
+        0.1,
+        low=0.0,
+        high=10.0,
+        description="How long a request waits for a transform that is not there yet.",
+    )
+    palm_flange_pose: str = setting(
+        "0 0 0 0 0 0 1",
+        description="Pose of the robot's flange in the palm's frame, x y z qx qy qz qw: "
+        "flange_pose of a grasp is where that flange has to be.",
+    )
     support_frame: str = setting(
         "",
-        description="Frame of the default support plane, that of the object's poses; empty: the "
-        "node assumes no support.",
+        description="Frame of the default support plane; empty: the node assumes no support.",
     )
     support_pose: str = setting(
         "0 0 0 0 0 0 1",
         description="Pose of the default support plane, x y z qx qy qz qw: its xy-plane carries "
         "the part, its z axis points away from the support.",
     )
-    obstacles_frame: str = setting(
-        "", description="Frame of the default obstacles, that of the object's poses."
-    )
+    obstacles_frame: str = setting("", description="Frame of the default obstacles.")
     obstacles: str = setting(
         "",
         description="Default obstacles as YAML or JSON text: the list of clearance.md; a mesh is "
@@ -155,6 +245,7 @@ class NodeSettings(SettingsGroup):
                 "own."
             )
         self._check_scene()
+        self._check_estimates()
         if self.friction is not None:
             check_friction(self.friction_finger, "finger")
             check_friction(self.friction_palm, "palm")
@@ -165,13 +256,34 @@ class NodeSettings(SettingsGroup):
             )
 
     def _check_scene(self) -> None:
-        support_pose_of(self.support_pose)
+        pose_of_text(self.support_pose, "support_pose")
+        pose_of_text(self.palm_flange_pose, "palm_flange_pose")
         listed = obstacles_of(self.obstacles)
-        Surroundings.from_mapping({"obstacles": listed}, lambda _mesh_id: STAND_IN)
+        Surroundings.from_mapping(
+            {"obstacles": [near_origin(entry) for entry in listed]}, lambda _mesh_id: STAND_IN
+        )
+        for name in ("support_frame", "obstacles_frame", "object_parent_frame"):
+            frame = getattr(self, name)
+            if frame and FRAME_PATTERN.fullmatch(frame) is None:
+                raise RequestError(
+                    f"Setting '{name}' is '{printable(frame, 60)}'; a frame has 1 to 255 letters, "
+                    "digits or '_./~:-'. Give the frame's name as poses have it."
+                )
         if listed and not self.obstacles_frame:
             raise RequestError(
                 f"Setting 'obstacles' names {len(listed)}, and 'obstacles_frame' is empty. Set it "
                 "to the frame of the object's poses, at once with the obstacles."
+            )
+
+    def _check_estimates(self) -> None:
+        mapping_of(self.class_ids, "class_ids")
+        frames = mapping_of(self.object_frames, "object_frames")
+        if self.instance_point:
+            point_of_text(self.instance_point, "instance_point")
+        if self.pose_type == "tf" and not (frames and self.object_parent_frame):
+            raise RequestError(
+                "Setting 'pose_type' is 'tf'; it needs 'object_frames', such as "
+                "\"['mug_frame=mug']\", and 'object_parent_frame'. Set both at once with it."
             )
 
     @property

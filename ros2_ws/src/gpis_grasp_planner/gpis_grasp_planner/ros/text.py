@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
+FRAME_PATTERN = re.compile(r"[A-Za-z0-9_~/][A-Za-z0-9_./~:-]{0,254}", re.ASCII)
+
 
 def printable(value: object, limit: int = 120) -> str:
     """Text with control characters and everything beyond ASCII escaped, cut at `limit`.

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 _SYMMETRY = 1e-6
 _NEGATIVE = 1e-6
+_LARGEST = 1e6
 
 
 def covariance_in_object(covariance: ArrayLike, R_world_object: ArrayLike) -> Array:
@@ -26,8 +27,8 @@ def covariance_in_object(covariance: ArrayLike, R_world_object: ArrayLike) -> Ar
 def check_covariance(covariance: ArrayLike, of: str = "the pose") -> Array:
     """Return a covariance (6, 6), exactly symmetric, or raise PoseError saying what is wrong.
 
-    It must be finite, symmetric and without a negative variance in any direction, all but for
-    1e-6 of its largest entry. Zeros are allowed: what is known exactly.
+    It must be finite, at most 1e6, symmetric and without a negative variance in any direction,
+    all but for 1e-6 of its largest entry. Zeros are allowed: what is known exactly.
 
     Parameters
     ----------
@@ -46,6 +47,8 @@ def check_covariance(covariance: ArrayLike, of: str = "the pose") -> Array:
     if not np.isfinite(C).all():
         raise _invalid(of, "has entries that are not finite")
     scale = max(float(np.abs(C).max()), 1e-300)
+    if scale > _LARGEST:
+        raise _invalid(of, f"has the entry {scale:.3g}; the limit is {_LARGEST:g} (m^2, rad^2)")
     if np.abs(C - C.T).max() > _SYMMETRY * scale:
         off = np.abs(C - C.T).max()
         raise _invalid(of, f"is not symmetric: it differs from its transpose by {off:.3g}")

@@ -69,8 +69,9 @@ def prepare(
     key = (part.mesh.content_hash, settings.cover_tolerance_m)
     found = _prepared.get(key)
     if found is None:
-        field, tree = field or DistanceField.of(part.mesh), tree or TriangleTree.of(part.mesh)
-        cover = ConvexCover(part.mesh, field, tree, settings.cover_tolerance_m)
+        field = field or DistanceField.of(part.working_mesh)
+        tree = tree or TriangleTree.of(part.mesh)
+        cover = ConvexCover(part.working_mesh, field, tree, settings.cover_tolerance_m)
         found = _prepared[key] = PreparedPart(field, tree, cover)
     _prepared.move_to_end(key)
     while len(_prepared) > _KEPT_PARTS:
@@ -108,9 +109,9 @@ class Verifier:
         self.whole_cover = whole_cover
         self._prepared = prepared or prepare(part, settings)
         self._start = StartFinder.of(hand, self._prepared.field)
-        self._reach = Reach.of(hand, part.mesh)
+        self._reach = Reach.of(hand, part.working_mesh)
         self.world = TrialWorld(hand, part, settings)
-        self.scene = BulletWorld(hand, part.mesh, self._prepared.field, self._prepared.tree)
+        self.scene = BulletWorld.of_part(hand, part, self._prepared.field, self._prepared.tree)
 
     def __enter__(self) -> Verifier:
         self.world.__enter__()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import queue
 import signal
@@ -14,11 +15,10 @@ import time
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import gpis_grasp_planner
-from gpis_grasp_planner.ros.worker.messages import WorkerReady
+from gpis_grasp_planner.ros.worker.messages import CancelOrder, WorkerReady
 
 PACKAGE_PARENT = Path(gpis_grasp_planner.__file__).parents[1]
 MODULE = "gpis_grasp_planner.ros.worker.main"
@@ -26,24 +26,28 @@ MODULE = "gpis_grasp_planner.ros.worker.main"
 SEND_LIMIT_S = 10
 
 
-class Mailbox:
-    """Where the answers to one order arrive; a context manager that ends their delivery."""
+_INTERRUPTION = object()
+
+
+class Replies:
+    """Where the answers to one order arrive, in their order."""
 
     def __init__(self, link: WorkerLink, number: int) -> None:
         self._link = link
         self._number = number
         self.messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End the delivery; what comes later is dropped. Idempotent."""
         self._link.forget(self._number)
+
+    def cancel(self) -> None:
+        """Tell the process that the order is not wanted any more. It may answer all the same."""
+        self._link.cancel(self._number)
+
+    def interrupt(self) -> None:
+        """Let a waiting :meth:`get` raise InterruptedError now; from any thread."""
+        self.messages.put(_INTERRUPTION)
 
     def get(self, limit_s: float) -> Any:
         """The next message.
@@ -54,20 +58,19 @@ class Mailbox:
             If none comes within `limit_s` seconds.
         EOFError
             If the process is gone.
+        InterruptedError
+            After :meth:`interrupt`.
         """
         try:
             message = self.messages.get(timeout=max(limit_s, 0.0))
         except queue.Empty:
             raise TimeoutError(f"no message within {limit_s:g} s") from None
         if message is None:
+            self.messages.put(None)  # for whoever asks again
             raise EOFError
+        if message is _INTERRUPTION:
+            raise InterruptedError
         return message
-
-    def wait_for(self, kind: type, limit_s: float) -> None:
-        """Wait for a message of a kind, and drop others. Raises as :meth:`get`."""
-        deadline = time.monotonic() + limit_s
-        while not isinstance(self.get(deadline - time.monotonic()), kind):
-            pass
 
 
 class WorkerLink:
@@ -75,7 +78,9 @@ class WorkerLink:
 
     Started as ``python -m``: not forked, since the node has threads, and not by multiprocessing's
     spawn, which would import the node once more. The process ends by itself when its end of the
-    pair closes, so that it cannot outlive the node even if that is killed with SIGKILL.
+    pair closes, so that it cannot outlive the node even if that is killed with SIGKILL; where it
+    is stopped at that moment, the system ends it. That is bound to the thread which makes this
+    object: it must live as long as the node.
     """
 
     def __init__(self) -> None:
@@ -88,7 +93,7 @@ class WorkerLink:
         paths = [str(PACKAGE_PARENT), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(p for p in paths if p)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", MODULE, str(theirs.fileno())],
+            [sys.executable, "-m", MODULE, str(theirs.fileno()), str(os.getpid())],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             env=environment,
@@ -99,10 +104,11 @@ class WorkerLink:
         self.pid = self._process.pid
         self._lock = threading.Lock()  # guards the boxes and the flag below
         self._sending = threading.Lock()
-        self._boxes: dict[int, Mailbox] = {}
+        self._boxes: dict[int, Replies] = {}
         self._last_number = 0
         self._lost = False
         self._heard = threading.Event()  # it is ready, or lost
+        self.started_s = self.heard_s = time.monotonic()
         threading.Thread(target=self._receive, args=(self._connection,), daemon=True).start()
 
     @property
@@ -115,6 +121,11 @@ class WorkerLink:
         """Whether it has imported everything and takes orders."""
         return self._heard.is_set() and not self._lost and self.running
 
+    @property
+    def silent_s(self) -> float:
+        """Time since anything came from it [s]; it says every second that it is there."""
+        return time.monotonic() - self.heard_s
+
     def wait_ready(self, limit_s: float) -> None:
         """Wait until it takes orders. Raises TimeoutError, or EOFError if it is gone."""
         if not self._heard.wait(limit_s):
@@ -122,12 +133,20 @@ class WorkerLink:
         if self._lost:
             raise EOFError
 
-    def send(self, order: object) -> Mailbox:
+    def resident_bytes(self) -> int:
+        """Memory of the process that is its own [bytes]; 0 where that cannot be read."""
+        try:
+            fields = Path(f"/proc/{self.pid}/statm").read_text().split()
+        except OSError:
+            return 0
+        return (int(fields[1]) - int(fields[2])) * os.sysconf("SC_PAGE_SIZE")
+
+    def send(self, order: object) -> Replies:
         """Send an order; its answers come into the mailbox. Raises OSError if it is gone."""
         with self._lock:
             self._last_number += 1
             number = self._last_number
-            box = self._boxes[number] = Mailbox(self, number)
+            box = self._boxes[number] = Replies(self, number)
             if self._lost:
                 box.messages.put(None)
         try:
@@ -137,6 +156,11 @@ class WorkerLink:
             self.forget(number)
             raise
         return box
+
+    def cancel(self, number: int) -> None:
+        """Tell the process that an order is not wanted any more."""
+        with contextlib.suppress(OSError), self._sending:
+            self._connection.send((number, CancelOrder()))
 
     def forget(self, number: int) -> None:
         """Drop further answers to an order."""
@@ -163,6 +187,7 @@ class WorkerLink:
         try:
             while True:
                 number, message = connection.recv()
+                self.heard_s = time.monotonic()
                 if isinstance(message, WorkerReady):
                     self._heard.set()
                 with self._lock:

@@ -6,37 +6,48 @@ compiled code leaves Python's lock to others, so that these answers come while a
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import os
 import queue
+import signal
 import sys
 import threading
+import time
 import traceback
+from collections.abc import Callable
 from multiprocessing.connection import Connection
+from typing import Any
 
 from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.plan.warm_up import load_compiled, make_ready
-from gpis_grasp_planner.ros.worker.desk import PlannerDesk, answer_of
 from gpis_grasp_planner.ros.worker.messages import (
-    PlaceOrder,
+    CancelOrder,
+    MeshFacts,
+    Plan,
     PlanOrder,
     WorkerAccepted,
+    WorkerAlive,
     WorkerProgress,
     WorkerReady,
 )
+from gpis_grasp_planner.ros.worker.order_handler import OrderHandler, answer_of
 
 WARM_UP_PLANNER = "hpp"
+ALIVE_PERIOD_S = 1.0
+_PR_SET_PDEATHSIG = 1
 
 
-class Counter:
+class OrderInbox:
     """The worker's end of the socket pair; orders wait here in a queue of each kind."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._sending = threading.Lock()
-        self.plans: queue.SimpleQueue[tuple[int, PlanOrder]] = queue.SimpleQueue()
-        self.places: queue.SimpleQueue[tuple[int, PlaceOrder]] = queue.SimpleQueue()
+        self._unwanted: dict[int, threading.Event] = {}
+        self.plans: queue.SimpleQueue[tuple[int, Any]] = queue.SimpleQueue()
+        self.places: queue.SimpleQueue[tuple[int, Any]] = queue.SimpleQueue()
 
     def send(self, number: int, message: object) -> None:
         """Send an answer to order `number`; from any thread."""
@@ -47,14 +58,41 @@ class Counter:
         """Take orders; end the process, also in the middle of a plan, when the node is gone."""
         try:
             while True:
-                number, order = self._connection.recv()
-                if isinstance(order, PlaceOrder):
-                    self.send(number, WorkerAccepted())
-                    self.places.put((number, order))
-                else:
-                    self.plans.put((number, order))
+                number, message = self._connection.recv()
+                if isinstance(message, CancelOrder):
+                    if number in self._unwanted:  # else it has been answered
+                        self._unwanted[number].set()
+                    continue
+                self._unwanted[number] = threading.Event()
+                kind = self.plans if isinstance(message, PlanOrder) else self.places
+                kind.put((number, message))
         except (EOFError, OSError):
             os._exit(0)
+
+    def say_alive(self) -> None:
+        """Say every second that this process is not stopped."""
+        with contextlib.suppress(OSError):  # the node is gone, which ends this process elsewhere
+            while True:
+                self.send(0, WorkerAlive())
+                time.sleep(ALIVE_PERIOD_S)
+
+    def serve(
+        self, orders: queue.SimpleQueue[tuple[int, Any]], carry_out: Callable[..., Plan | MeshFacts]
+    ) -> None:
+        """Carry out orders of a queue, one after the other, for ever."""
+        while True:
+            number, order = orders.get()
+            self.send(number, WorkerAccepted())
+
+            def report(progress: Progress, number: int = number) -> None:
+                self.send(number, WorkerProgress(progress))
+
+            unwanted = self._unwanted[number]
+            answer = answer_of(carry_out, order, report, unwanted.is_set)
+            del self._unwanted[number]
+            self.send(number, answer)
+            if isinstance(order, PlanOrder):
+                _give_memory_back()
 
 
 def _warm_up() -> None:
@@ -75,33 +113,34 @@ def _give_memory_back() -> None:
         trim(0)
 
 
-def _make_plans(counter: Counter, desk: PlannerDesk) -> None:
-    while True:
-        number, order = counter.plans.get()
-        counter.send(number, WorkerAccepted())
+def end_with_parent(parent: int) -> None:
+    """Let the system end this process when its parent is gone, also where it is stopped then.
 
-        def report(progress: Progress, number: int = number) -> None:
-            counter.send(number, WorkerProgress(progress))
-
-        counter.send(number, answer_of(desk.make_plan, order, report))
-        _give_memory_back()
-
-
-def _place_plans(counter: Counter, desk: PlannerDesk) -> None:
-    while True:
-        number, order = counter.places.get()
-        counter.send(number, answer_of(desk.place, order))
+    Linux alone; elsewhere the closing of the socket pair ends a process that runs.
+    """
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:
+        prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it went before that was asked for
+        os._exit(0)
 
 
 def main() -> None:
-    """Serve orders until the socket pair closes. Argument: the descriptor of this end."""
-    counter, desk = Counter(Connection(int(sys.argv[1]))), PlannerDesk()
-    threading.Thread(target=counter.receive, daemon=True).start()
+    """Serve orders until the socket pair closes.
+
+    Arguments: the descriptor of this end, the process ID of the node.
+    """
+    end_with_parent(int(sys.argv[2]))
+    inbox, handler = OrderInbox(Connection(int(sys.argv[1]))), OrderHandler()
+    threading.Thread(target=inbox.receive, daemon=True).start()
+    threading.Thread(target=inbox.say_alive, daemon=True).start()
     _warm_up()
     _give_memory_back()
-    threading.Thread(target=_place_plans, args=(counter, desk), daemon=True).start()
-    counter.send(0, WorkerReady())
-    _make_plans(counter, desk)
+    threading.Thread(
+        target=inbox.serve, args=(inbox.places, handler.from_known), daemon=True
+    ).start()
+    inbox.send(0, WorkerReady())
+    inbox.serve(inbox.plans, handler.make_plan)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,8 @@ class PlanOrder:
 
     `settings` holds, per group, the values by name: those of ``plan.settings`` and the
     group "catalogue". `place` is a `surroundings.place.Place.as_mapping`, None for free space;
-    `known` the record of an earlier plan of the mesh, whose grasps compete.
+    `known` the record of an earlier plan of the mesh, whose grasps compete. `read_limit_s` [s] is
+    how long reading a mesh may take.
     """
 
     mesh_id: str
@@ -30,6 +31,7 @@ class PlanOrder:
     settings: Mapping[str, Mapping[str, Any]]
     place: Mapping[str, Any] | None = None
     known: bytes = b""
+    read_limit_s: float = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,7 @@ class PlaceOrder:
     request : PlanRequest
         After its time budget nothing further is begun; one grasp is always looked at.
     settings : mapping
+    read_limit_s : float
         As in PlanOrder.
     """
 
@@ -54,6 +57,26 @@ class PlaceOrder:
     place: Mapping[str, Any]
     request: PlanRequest
     settings: Mapping[str, Mapping[str, Any]]
+    read_limit_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class DescribeOrder:
+    """Say what a mesh is; fields as in PlanOrder."""
+
+    mesh_id: str
+    mesh_directories: tuple[str, ...]
+    request: PlanRequest
+    settings: Mapping[str, Mapping[str, Any]]
+    read_limit_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """What a mesh is: size of its bounding box [m], mass [kg]."""
+
+    size: tuple[float, float, float]
+    mass: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +124,23 @@ class Plan:
 
 
 @dataclass(frozen=True)
+class CancelOrder:
+    """Goes to the planning process: the order of this number is not wanted any more."""
+
+
+@dataclass(frozen=True)
+class WorkerAlive:
+    """The planning process has not been stopped; sent every second, as order 0."""
+
+
+@dataclass(frozen=True)
 class WorkerReady:
     """The planning process has imported everything and takes orders."""
 
 
 @dataclass(frozen=True)
 class WorkerAccepted:
-    """The planning process has begun to plan, or has taken an order to place a plan."""
+    """The planning process has begun to work on an order."""
 
 
 @dataclass(frozen=True)

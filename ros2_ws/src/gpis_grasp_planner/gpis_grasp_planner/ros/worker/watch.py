@@ -1,18 +1,22 @@
 """The planner in a process of its own, watched: it may crash, hang or be killed; the node may not.
 
-It makes one plan at a time, and beside that answers orders to place a plan that exists.
+It makes one plan at a time, and beside that answers from plans that exist.
 """
 
 from __future__ import annotations
 
-import threading
+import math
 import time
-from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PlanningError, SystemFault
-from gpis_grasp_planner.plan.progress import Progress
-from gpis_grasp_planner.ros.worker.link import Mailbox, WorkerLink
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PlanningError
+from gpis_grasp_planner.plan.progress import Phase
+from gpis_grasp_planner.ros.call import Call
+from gpis_grasp_planner.ros.work_queue import Lane
+from gpis_grasp_planner.ros.worker.link import Replies, WorkerLink
 from gpis_grasp_planner.ros.worker.messages import (
+    DescribeOrder,
+    MeshFacts,
     PlaceOrder,
     Plan,
     PlanOrder,
@@ -20,222 +24,248 @@ from gpis_grasp_planner.ros.worker.messages import (
     WorkerError,
     WorkerProgress,
 )
+from gpis_grasp_planner.ros.worker.supervisor import START_LIMIT_S, WorkerSupervisor, WorkLimits
 
-# Imports and warm-up take 4 s, or a minute and more where nothing is compiled yet.
-START_LIMIT_S = 300.0
 ACCEPT_LIMIT_S = 5.0
-# One that cannot start shall not keep a core busy with attempts.
-REVIVAL_PERIOD_S = 10.0
+# It says every second that it is there; after this time it is stopped, or starved.
+SILENCE_LIMIT_S = 5.0
+# After a cancel: what is finished within this time is answered, else nothing.
+CANCEL_WAIT_S = 0.2
+_LOOK_S = 0.5
+AnyOrder = PlanOrder | PlaceOrder | DescribeOrder
+PREPARATION = (Phase.READING, Phase.PREPARING)
+
+
+class _Lost(Exception):
+    """The process died, or hung, with an order; `fault` is what to tell its caller."""
+
+    def __init__(self, fault: GraspPlannerError) -> None:
+        super().__init__(fault.message)
+        self.fault = fault
+
+
+@dataclass(eq=False)
+class _LeftOver:
+    """An order whose caller was answered, and which the process has not ended yet."""
+
+    link: WorkerLink
+    replies: Replies
+    give_up_at: float
 
 
 class PlanningProcess:
-    """Owner of the worker process; may be used from any thread.
+    """Has orders carried out; may be used from any thread, one at a time in each lane.
 
     Parameters
     ----------
-    on_event : callable, optional
-        Called with one sentence when the process is started, lost or given up.
+    supervisor : WorkerSupervisor
     """
 
-    def __init__(self, on_event: Callable[[str], None] = lambda _text: None) -> None:
-        self._on_event = on_event
-        self._lock = threading.Lock()  # guards the fields below, never held while waiting
-        self._planning = threading.Lock()
-        self._link: WorkerLink | None = None
-        self._closed = False
-        self._last_start_s = -REVIVAL_PERIOD_S
-        self.starts = 0
+    def __init__(self, supervisor: WorkerSupervisor) -> None:
+        self._supervisor = supervisor
+        # Of each lane, used by whoever has its turn.
+        self._left_over: dict[Lane, _LeftOver | None] = dict.fromkeys(Lane)
 
-    @property
-    def pid(self) -> int | None:
-        """Process ID of the running worker, None where there is none."""
-        link = self._link
-        return link.pid if link is not None and link.running else None
+    def carry_out(self, order: PlanOrder | PlaceOrder, call: Call) -> Plan:
+        """Have the worker carry out an order.
 
-    @property
-    def ready(self) -> bool:
-        """Whether the worker has imported everything and takes orders."""
-        link = self._link
-        return link is not None and link.ready
-
-    @property
-    def busy(self) -> bool:
-        """Whether a plan is running."""
-        return self._planning.locked()
-
-    def ensure_started(self) -> None:
-        """Start the worker unless one runs. Returns at once; the worker imports meanwhile."""
-        with self._lock:
-            if self._closed or self.pid is not None:
-                return
-            if self._link is not None:
-                self._on_event(
-                    f"The planning process {self._link.pid} was gone "
-                    f"({self._link.how_it_ended()}); starting another."
-                )
-            self._link = WorkerLink()
-            self._last_start_s = time.monotonic()
-            self.starts += 1
-
-    def revive(self) -> None:
-        """Start the worker if none runs and the last start is some time ago; for a timer."""
-        if time.monotonic() - self._last_start_s >= REVIVAL_PERIOD_S:
-            self.ensure_started()
-
-    def plan(
-        self,
-        order: PlanOrder,
-        grace_s: float,
-        on_progress: Callable[[Progress], None] | None = None,
-    ) -> Plan:
-        """Make a plan in the worker.
+        Its time budget and the grace begin now; waiting for a worker that starts counts.
 
         Parameters
         ----------
-        order : PlanOrder
-        grace_s : float
-            The worker is given up this long after the order's time budget [s].
-        on_progress : callable, optional
+        order : PlanOrder or PlaceOrder
+        call : Call
+            Told of the progress; where it is cancelled, the order is given up.
+
+        Returns
+        -------
+        Plan
+            With the code CANCELLED where a cancel left something that was finished.
 
         Raises
         ------
         SystemFault
-            PLANNING_PROCESS_LOST if the worker died, SHUTTING_DOWN after :meth:`close`.
+            PLANNING_PROCESS_LOST if the worker died, SHUTTING_DOWN after the supervisor was closed.
         PlanningError
-            DEADLINE_EXCEEDED if it did not answer in time; it is killed and started anew.
+            DEADLINE_EXCEEDED if there was no answer in time, CANCELLED.
         GraspPlannerError
             What the planner itself raised, with its code.
         """
-        with self._planning:
-            link, box = self._hand_over(order)
-            with box:
-                try:
-                    limit_s = order.request.time_budget_s + grace_s
-                    return _plan_from(box, limit_s, on_progress)
-                except TimeoutError:
-                    self._give_up(link)
-                    raise PlanningError(
-                        f"The plan did not end within its time budget of "
-                        f"{order.request.time_budget_s:g} s and {grace_s:g} s of grace (parameter "
-                        "planning_grace_s); the planning process was restarted. Try again, with a "
-                        "larger grace on a slow machine.",
-                        ErrorCode.DEADLINE_EXCEEDED,
-                    ) from None
-                except (EOFError, OSError) as error:
-                    raise self._lost(link) from error
+        plan = self._carried_out(order, call)
+        assert isinstance(plan, Plan)
+        return plan
 
-    def place(self, order: PlaceOrder, grace_s: float) -> Plan:
-        """Answer a plan for a place, also while another plan is made.
+    def describe(self, order: DescribeOrder, call: Call) -> MeshFacts:
+        """Have a mesh read and described; raises as :meth:`carry_out`."""
+        facts = self._carried_out(order, call)
+        assert isinstance(facts, MeshFacts)
+        return facts
 
-        Parameters
-        ----------
-        order : PlaceOrder
-        grace_s : float
-            Given up this long after the order's time budget [s].
-
-        Raises
-        ------
-        SystemFault, PlanningError, GraspPlannerError
-            As :meth:`plan`; but where the worker dies, the order is given to the next one once,
-            and where it is late, the worker goes on.
-        """
-        lost: GraspPlannerError | None = None
-        budget_s = order.request.time_budget_s
-        for _ in range(2):
-            link, box = self._hand_over(order)
-            with box:
-                try:
-                    return _plan_from(box, budget_s + grace_s, None)
-                except TimeoutError:
-                    raise PlanningError(
-                        f"The answer for this place was not ready {grace_s:g} s (parameter "
-                        f"planning_grace_s) after its time budget of {budget_s:g} s. "
-                        "Call again, with fewer obstacles or fewer uncertainty.samples.",
-                        ErrorCode.DEADLINE_EXCEEDED,
-                    ) from None
-                except (EOFError, OSError):
-                    # Not this order's fault, as far as is known: a plan beside it may have died.
-                    lost = self._lost(link)
-        assert lost is not None
-        raise lost
-
-    def close(self) -> None:
-        """End the worker and make running and later calls fail. Idempotent."""
-        with self._lock:
-            self._closed = True
-            if self._link is not None:
-                self._link.end()
-
-    def _hand_over(self, order: PlanOrder | PlaceOrder) -> tuple[WorkerLink, Mailbox]:
-        """Give the worker an order; once more if it died, or hung, before it took it."""
-        for last_try in (False, True):
-            self.ensure_started()
-            link = self._open_link()
-            box: Mailbox | None = None
+    def _carried_out(self, order: AnyOrder, call: Call) -> Plan | MeshFacts:
+        lane = Lane.SEARCH if isinstance(order, PlanOrder) else Lane.KNOWN
+        limits, began = self._supervisor.limits(), time.monotonic()
+        for retries_left in range(limits.retries, -1, -1):
+            call.check_wanted()
+            deadline = time.monotonic() + order.request.time_budget_s + limits.grace_s
+            self._finish_left_over(lane, call, deadline)
             try:
-                link.wait_ready(START_LIMIT_S)
-                box = link.send(order)
-                box.wait_for(WorkerAccepted, ACCEPT_LIMIT_S)
-            except (EOFError, OSError) as error:
-                fault = self._lost(link)
-                if last_try or fault.code != ErrorCode.PLANNING_PROCESS_LOST:
-                    raise fault from error
-            else:
-                return link, box
+                return self._attempt(order, lane, call, deadline, limits)
+            except _Lost as lost:
+                call.check_wanted()
+                if not retries_left or lost.fault.code != ErrorCode.PLANNING_PROCESS_LOST:
+                    raise lost.fault from None
+                self._supervisor.on_event("Its order is given to the next process.")
+            order = replace(order, request=order.request.again(time.monotonic() - began))
         raise AssertionError("unreachable")
 
-    def _open_link(self) -> WorkerLink:
-        with self._lock:
-            if self._closed or self._link is None:
-                raise _shutting_down()
-            return self._link
+    def _attempt(
+        self,
+        order: AnyOrder,
+        lane: Lane,
+        call: Call,
+        deadline: float,
+        limits: WorkLimits,
+    ) -> Plan | MeshFacts:
+        link = self._ready_link(call, deadline)
+        with self._supervisor.in_use(link):
+            try:
+                replies = link.send(order)
+            except OSError as error:
+                raise _Lost(self._supervisor.lost(link)) from error
+            try:
+                with call.woken_by(replies.interrupt):
+                    return self._answer(order, lane, call, deadline, limits, link, replies)
+            finally:
+                left = self._left_over[lane]
+                if left is None or left.replies is not replies:
+                    replies.close()
 
-    def _lost(self, link: WorkerLink) -> GraspPlannerError:
-        link.end()
-        with self._lock:
-            if self._closed:
-                return _shutting_down()
-            mine = self._link is link  # several may wait for answers; the first one reports
-            if mine:
-                self._link = None
-        how = link.how_it_ended()
-        if mine:
-            self._on_event(f"The planning process was lost while planning: {how}.")
-        self.ensure_started()
-        return SystemFault(
-            f"The planning process was lost while it worked on this request ({how}) and has been "
-            "started anew. Call again; if it happens again with this mesh, report it.",
-            ErrorCode.PLANNING_PROCESS_LOST,
-        )
+    def _answer(
+        self,
+        order: AnyOrder,
+        lane: Lane,
+        call: Call,
+        deadline: float,
+        limits: WorkLimits,
+        link: WorkerLink,
+        replies: Replies,
+    ) -> Plan | MeshFacts:
+        sent = time.monotonic()
+        phase: Phase | None = None
+        accept_by, cancelled_by = sent + ACCEPT_LIMIT_S, math.inf
+        while True:
+            try:
+                message = replies.get(min(deadline, accept_by, cancelled_by) - time.monotonic())
+            except InterruptedError:
+                replies.cancel()
+                cancelled_by = min(cancelled_by, time.monotonic() + CANCEL_WAIT_S)
+                continue
+            except TimeoutError:
+                prepares = phase is None or phase in PREPARATION
+                if time.monotonic() >= cancelled_by:
+                    patience_s = limits.preparation_s if prepares else limits.grace_s
+                    self._leave(lane, link, replies, time.monotonic() + patience_s)
+                    call.check_wanted()
+                if time.monotonic() >= accept_by:
+                    raise _Lost(self._supervisor.lost(link)) from None
+                prepares &= link.silent_s <= SILENCE_LIMIT_S
+                replies.cancel()
+                if prepares or lane is Lane.KNOWN:
+                    patience_s = limits.preparation_s if prepares else limits.grace_s
+                    self._leave(lane, link, replies, sent + patience_s)
+                    fault = _not_prepared if prepares else _late
+                    raise fault(order, limits) from None
+                self._supervisor.give_up(link)
+                raise _late(order, limits) from None
+            except (EOFError, OSError) as error:
+                raise _Lost(self._supervisor.lost(link)) from error
+            match message:
+                case Plan() | MeshFacts():
+                    return message
+                case WorkerError():
+                    raise GraspPlannerError(message.message, message.code)
+                case WorkerProgress():
+                    phase = message.progress.phase
+                    call.progress = message.progress
+                case WorkerAccepted():
+                    accept_by = math.inf
 
-    def _give_up(self, link: WorkerLink) -> None:
-        with self._lock:
-            if self._closed:
-                return
-            mine = self._link is link
-            if mine:
-                self._link = None
-        if mine:
-            self._on_event(f"Giving up the planning process {link.pid}.")
-        link.end()
-        self.ensure_started()
+    def _leave(self, lane: Lane, link: WorkerLink, replies: Replies, give_up_at: float) -> None:
+        """Let the process end an order that nobody waits for; it keeps what it has prepared."""
+        self._supervisor.hold(link)
+        self._left_over[lane] = _LeftOver(link, replies, give_up_at)
+
+    def _finish_left_over(self, lane: Lane, call: Call, deadline: float) -> None:
+        """Wait until the process has ended what was left in this lane, or give the process up."""
+        left = self._left_over[lane]
+        if left is None:
+            return
+        with call.woken_by(left.replies.interrupt):
+            while self._supervisor.is_current(left.link):
+                now = time.monotonic()
+                if now >= left.give_up_at or left.link.silent_s > SILENCE_LIMIT_S:
+                    self._supervisor.give_up(left.link)
+                    break
+                if now >= deadline:
+                    raise PlanningError(
+                        "The planning process still prepares a mesh for an earlier request. Call "
+                        "again; mesh_preparation_limit_s limits that.",
+                        ErrorCode.DEADLINE_EXCEEDED,
+                    )
+                try:
+                    message = left.replies.get(min(_LOOK_S, deadline - now))
+                except InterruptedError:
+                    call.check_wanted()
+                    continue
+                except TimeoutError:
+                    continue
+                except (EOFError, OSError):
+                    break
+                if isinstance(message, Plan | MeshFacts | WorkerError):
+                    break
+        self._left_over[lane] = None
+        left.replies.close()
+        self._supervisor.release(left.link)
+
+    def _ready_link(self, call: Call, deadline: float) -> WorkerLink:
+        """The worker, once it takes orders."""
+        failed = 0
+        while True:
+            link = self._supervisor.current()
+            try:
+                link.wait_ready(min(_LOOK_S / 10.0, max(deadline - time.monotonic(), 0.0)))
+            except TimeoutError:
+                call.check_wanted()
+                if time.monotonic() - link.started_s > START_LIMIT_S:
+                    self._supervisor.give_up(link)
+                elif time.monotonic() >= deadline:
+                    raise PlanningError(
+                        f"The planning process has been starting for "
+                        f"{time.monotonic() - link.started_s:.0f} s (up to two minutes where "
+                        "it has to compile, once after an installation). Call again.",
+                        ErrorCode.DEADLINE_EXCEEDED,
+                    ) from None
+            except EOFError:
+                fault, failed = self._supervisor.lost(link), failed + 1
+                if failed > 1 or fault.code != ErrorCode.PLANNING_PROCESS_LOST:
+                    raise fault from None
+            else:
+                return link
 
 
-def _plan_from(
-    box: Mailbox, limit_s: float, on_progress: Callable[[Progress], None] | None
-) -> Plan:
-    deadline = time.monotonic() + limit_s
-    while True:
-        message = box.get(deadline - time.monotonic())
-        if isinstance(message, Plan):
-            return message
-        if isinstance(message, WorkerError):
-            raise GraspPlannerError(message.message, message.code)
-        if isinstance(message, WorkerProgress) and on_progress is not None:
-            on_progress(message.progress)
+def _late(order: AnyOrder, limits: WorkLimits) -> PlanningError:
+    return PlanningError(
+        f"There was no answer within the time budget of {order.request.time_budget_s:g} s and "
+        f"{limits.grace_s:g} s of grace (parameter planning_grace_s). Try again, with fewer "
+        "obstacles or uncertainty.samples, or a larger grace on a slow machine.",
+        ErrorCode.DEADLINE_EXCEEDED,
+    )
 
 
-def _shutting_down() -> SystemFault:
-    return SystemFault(
-        "The node is shutting down. Call again when it runs.", ErrorCode.SHUTTING_DOWN
+def _not_prepared(order: AnyOrder, limits: WorkLimits) -> PlanningError:
+    return PlanningError(
+        f"The mesh was not read and prepared within the time budget of "
+        f"{order.request.time_budget_s:g} s and {limits.grace_s:g} s of grace (parameter "
+        "planning_grace_s). That goes on and is kept: call again in a while.",
+        ErrorCode.DEADLINE_EXCEEDED,
     )

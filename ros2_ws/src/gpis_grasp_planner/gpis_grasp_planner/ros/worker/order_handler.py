@@ -11,7 +11,7 @@ import threading
 import traceback
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,14 @@ from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor, Phase, Progress
 from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
-from gpis_grasp_planner.ros.worker.messages import PlaceOrder, Plan, PlanOrder, WorkerError
+from gpis_grasp_planner.ros.worker.messages import (
+    DescribeOrder,
+    MeshFacts,
+    PlaceOrder,
+    Plan,
+    PlanOrder,
+    WorkerError,
+)
 from gpis_grasp_planner.ros.worker.parts import PartLoader
 from gpis_grasp_planner.surroundings.place import Place
 
@@ -33,8 +40,8 @@ _KEPT = 8
 _COMPRESSION = 1
 
 
-class PlannerDesk:
-    """Serves orders; what it prepared for a mesh is kept while the settings stay the same."""
+class OrderHandler:
+    """Carries out orders; what it prepared for a mesh is kept while the settings stay the same."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -57,7 +64,7 @@ class PlannerDesk:
             Of the catalogue or the planner.
         """
         monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
-        load = _load(self._parts_to_plan, order.mesh_directories, order.settings)
+        load = _load(self._parts_to_plan, order, monitor)
         with monitor.phase(Phase.READING):
             part = load(order.mesh_id)
             place = None if order.place is None else _place(order.place, load)
@@ -74,7 +81,26 @@ class PlannerDesk:
             self._keep(record, part, answer.result)
         return replace(_plan_of(answer.result, monitor), record=record)
 
-    def place(self, order: PlaceOrder) -> Plan:
+    def from_known(
+        self,
+        order: PlaceOrder | DescribeOrder,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Plan | MeshFacts:
+        """Carry out an order that needs no search; raises as :meth:`place`."""
+        if isinstance(order, PlaceOrder):
+            return self.place(order, on_progress, should_stop)
+        monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
+        part = _load(self._parts_to_place, order, monitor)(order.mesh_id)
+        x, y, z = map(float, part.mesh.extent)
+        return MeshFacts((x, y, z), float(part.mass))
+
+    def place(
+        self,
+        order: PlaceOrder,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Plan:
         """Answer a plan for a place, by what is known.
 
         Raises
@@ -82,8 +108,8 @@ class PlannerDesk:
         GraspPlannerError
             Of the catalogue, for a place that is refused, or for a mesh that has changed.
         """
-        monitor = Monitor(order.request.time_budget_s)
-        load = _load(self._parts_to_place, order.mesh_directories, order.settings)
+        monitor = Monitor(order.request.time_budget_s, on_progress, should_stop)
+        load = _load(self._parts_to_place, order, monitor)
         with monitor.phase(Phase.READING):
             part, result = self._kept_or_loaded(order.plan, load)
             place = _place(order.place, load)
@@ -129,7 +155,9 @@ class PlannerDesk:
         return pickle.loads(zlib.decompress(record)) if kept is None else kept[1]
 
 
-def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
+def answer_of(
+    make: Callable[..., Plan | MeshFacts], *arguments: Any
+) -> Plan | MeshFacts | WorkerError:
     """Make a plan, or an error that can be sent: whatever happens, there is an answer."""
     try:
         return make(*arguments)
@@ -137,7 +165,7 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
         return WorkerError(error.code, error.message)
     except MemoryError:
         return WorkerError(
-            ErrorCode.INTERNAL,
+            ErrorCode.OUT_OF_MEMORY,
             "The planning process ran out of memory. Use a mesh with fewer faces, or a "
             "machine with more memory.",
         )
@@ -145,17 +173,22 @@ def answer_of(make: Callable[..., Plan], *arguments: Any) -> Plan | WorkerError:
         traceback.print_exc()
         return WorkerError(
             ErrorCode.INTERNAL,
-            f"The planner failed unexpectedly ({type(error).__name__}: {error}). The "
-            "traceback is in the node's output; please report it.",
+            f"The planner failed unexpectedly ({type(error).__name__}). The traceback is in the "
+            "node's output; please report it.",
         )
 
 
 def _load(
-    loader: PartLoader, directories: Sequence[str], settings: Mapping[str, Mapping[str, Any]]
+    loader: PartLoader, order: PlanOrder | PlaceOrder | DescribeOrder, monitor: Monitor
 ) -> Callable[[str], Part]:
     """What loads a part by its mesh ID."""
-    values = CatalogueSettings.from_mapping(settings["catalogue"])
-    return partial(loader.load, [Path(directory) for directory in directories], values)
+    return partial(
+        loader.load,
+        [Path(directory) for directory in order.mesh_directories],
+        CatalogueSettings.from_mapping(order.settings["catalogue"]),
+        limit_s=order.read_limit_s,
+        should_stop=monitor.stopped,
+    )
 
 
 def _place(data: Mapping[str, Any], load: Callable[[str], Part]) -> Place:

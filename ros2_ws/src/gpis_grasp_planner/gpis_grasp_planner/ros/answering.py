@@ -1,0 +1,195 @@
+"""A request in, an answer out, whatever happens; service and action both go through here."""
+
+from __future__ import annotations
+
+import threading
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from gpis_grasp_msgs.srv import PlanGrasp
+from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.ros.call import Call
+from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
+from gpis_grasp_planner.ros.conversions import grasp_message
+from gpis_grasp_planner.ros.grasp_request import GraspRequest
+from gpis_grasp_planner.ros.plan_source import PlanSource
+from gpis_grasp_planner.ros.pose_source import PoseSource
+from gpis_grasp_planner.ros.publishers import GraspPublishers
+from gpis_grasp_planner.ros.request_guard import ObjectPose, check_request
+from gpis_grasp_planner.ros.scene_defaults import pose_of_text
+from gpis_grasp_planner.ros.scene_source import SceneSource, Transform
+from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
+
+
+class GraspAnswering:
+    """Answers requests and publishes the best grasp. Thread-safe.
+
+    Attributes
+    ----------
+    n_in_work : int
+        Requests that are not answered yet.
+    n_answers : int
+    last_code, last_message
+        Of the last answer.
+    last_answered : GraspRequest or None
+        The last request whose best grasp was published.
+    """
+
+    def __init__(
+        self,
+        log: RcutilsLogger,
+        hand: HandDescription,
+        settings: Callable[[], NodeSettings],
+        poses: PoseSource,
+        plans: PlanSource,
+        publishers: GraspPublishers,
+        scenes: SceneSource,
+        transform: Transform,
+    ) -> None:
+        self._log = log
+        self._hand = hand
+        self._settings = settings
+        self._poses = poses
+        self._plans = plans
+        self._publishers = publishers
+        self._scenes = scenes
+        self._transform = transform
+        self._count_lock = threading.Lock()
+        self.n_in_work = 0
+        self.n_answers = 0
+        self.last_code = ErrorCode.SUCCESS
+        self.last_message = ""
+        self.last_answered: GraspRequest | None = None
+
+    def answer(
+        self,
+        request: GraspRequest,
+        response: Any,
+        call: Call,
+        name: str,
+        *,
+        only_known: bool = False,
+    ) -> None:
+        """Fill in a response; never raises.
+
+        Parameters
+        ----------
+        request : PlanGrasp.Request or PlanGrasp.Goal
+        response : PlanGrasp.Response or PlanGrasp.Result
+        call : Call
+        name : str
+            Of the service or action, for the log.
+        only_known : bool
+            Answer from memory or not at all.
+        """
+        with self._count_lock:
+            self.n_in_work += 1
+        try:
+            self._answer(request, response, call, only_known)
+        except GraspPlannerError as error:
+            _fail(response, error.code, error.message)
+        except Exception as error:
+            self._log.error(printable(traceback.format_exc(), 4000))
+            _fail(
+                response,
+                ErrorCode.INTERNAL,
+                f"The node failed unexpectedly ({type(error).__name__}). The traceback is in its "
+                "log; please report it.",
+            )
+        response.elapsed = call.elapsed_s
+        with self._count_lock:
+            self.n_in_work -= 1
+            self.n_answers += 1
+            self.last_code = ErrorCode(response.code)
+            self.last_message = response.message
+        how = "from memory" if response.from_cache else f"{response.evaluations} evaluations"
+        self._log.info(
+            f"{name} '{printable(request.mesh_id, 64)}': {ErrorCode(response.code).name}, "
+            f"{len(response.grasps)} grasps, {response.elapsed:.2f} s, {how}. "
+            f"{printable(response.message, 400)}"
+        )
+
+    def _answer(self, request: GraspRequest, response: Any, call: Call, only_known: bool) -> None:
+        plan_request = check_request(
+            request.seed,
+            request.time_budget,
+            request.n_grasps,
+            request.planner,
+            request.verification,
+            self._settings(),
+        )
+        self._plans.check_mesh_id(request.mesh_id)
+        given = self._poses.from_request(request.object_pose)
+        pose = given or self._poses.newest(request.mesh_id)
+        # Before the plan: a bad scene, or a frame that nobody knows, is told at once.
+        place = self._scenes.place(request, pose)
+        shown = self._in_frame(pose, request.target_frame)
+        plan_request = replace(
+            plan_request,
+            approach=approach_of(request, pose, self._transform),
+            forbidden=forbidden_of(request),
+        )
+        ask = self._plans.known if only_known else self._plans.plan
+        delivered = ask(request.mesh_id, plan_request, call, place)
+        if given is None and not delivered.from_cache:
+            pose, planned_for = self._newer(request.mesh_id, pose), pose
+            if pose is not planned_for:
+                place = self._scenes.place(request, pose)
+            if place and pose is not planned_for:
+                delivered = self._plans.place(delivered, place, plan_request, call)
+            if pose is not planned_for:
+                shown = self._in_frame(pose, request.target_frame)
+        plan = delivered.plan
+        response.code = int(plan.code)
+        response.message = plan.message
+        response.evaluations = plan.evaluations
+        response.from_cache = delivered.from_cache
+        response.notes = [*plan.notes, *pose.notes]
+        T_palm_flange = pose_of_text(self._settings().palm_flange_pose, "palm_flange_pose")
+        response.grasps = [
+            grasp_message(grasp, plan, shown, self._hand, T_palm_flange)
+            for grasp in plan.grasps[: plan_request.n_grasps]
+        ]
+        if plan.best_attempt is not None and not plan.grasps:
+            attempt = grasp_message(plan.best_attempt, plan, shown, self._hand, T_palm_flange)
+            response.best_attempt = [attempt]
+        response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
+        if response.success:
+            self._publishers.publish(response.grasps)
+            self.last_answered = request
+
+    def _in_frame(self, pose: ObjectPose, frame_id: str) -> ObjectPose:
+        """The object's pose in the frame that the answer is wanted in; "" is its own."""
+        if frame_id in ("", pose.frame_id):
+            return pose
+        if FRAME_PATTERN.fullmatch(frame_id) is None:
+            raise PoseError(
+                f"The target_frame is '{printable(frame_id, 60)}'; it must be 1 to 255 letters, "
+                "digits or '_./~:-'.",
+                ErrorCode.EMPTY_FRAME,
+            )
+        T_target_pose = self._transform(frame_id, pose.frame_id, pose.stamp_ns)
+        return replace(pose, T_world_object=T_target_pose @ pose.T_world_object, frame_id=frame_id)
+
+    def _newer(self, mesh_id: str, pose: ObjectPose) -> ObjectPose:
+        """The estimate of now, where a good one came while the plan was made."""
+        try:
+            return self._poses.newest(mesh_id)
+        except PoseError as error:
+            if error.code != ErrorCode.STALE_POSE:
+                raise
+            # It was fresh when the request came; that is what the limit promises.
+            return pose
+
+
+def _fail(response: PlanGrasp.Response, code: ErrorCode, message: str) -> None:
+    response.success = False
+    response.code = int(code)
+    response.message = message
+    response.grasps = []

@@ -1,0 +1,77 @@
+"""Parts in ``vision_msgs/Detection3DArray``: whose estimate is taken of many, and which part it is.
+
+Free of the message package: only the fields of the messages are read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
+
+
+def mapping_of(pairs: Iterable[str], name: str) -> dict[str, str]:
+    """A mapping from texts ``left=mesh_id``.
+
+    Raises
+    ------
+    RequestError
+        For a pair without "=", or a mesh ID that no catalogue can hold.
+    """
+    found: dict[str, str] = {}
+    for pair in pairs:
+        left, equals, mesh_id = pair.rpartition("=")
+        if not equals or not left or ID_PATTERN.fullmatch(mesh_id) is None:
+            raise RequestError(
+                f"Setting '{name}' has the entry {pair!r:.80}; it takes texts such as "
+                "'12=mug': what the estimator says, '=', and a mesh ID."
+            )
+        found[left] = mesh_id
+    return found
+
+
+def chosen_instances(
+    detections: Iterable[Any],
+    mesh_ids: Mapping[str, str],
+    min_score: float,
+    near: tuple[float, float, float] | None,
+) -> dict[str, Any]:
+    """One hypothesis with its header for each part that was seen.
+
+    Parameters
+    ----------
+    detections : iterable of Detection3D
+    mesh_ids : mapping
+        From class IDs to mesh IDs; a class that is not in it is taken for a mesh ID.
+    min_score : float
+    near : tuple or None
+        The instance nearest to this point [m] is taken, in the frame of the detections; None: that
+        with the best score.
+
+    Returns
+    -------
+    dict of mesh ID to (header, ObjectHypothesisWithPose)
+    """
+    rank: Callable[[Any], float] = lambda h: -h.hypothesis.score  # noqa: E731
+    if near is not None:
+        rank = lambda h: _distance(h.pose.pose.position, near)  # noqa: E731
+    best: dict[str, tuple[float, Any]] = {}
+    for detection in detections:
+        for hypothesis in detection.results:
+            score = hypothesis.hypothesis.score
+            if not score >= min_score:  # NaN is no score
+                continue
+            class_id = hypothesis.hypothesis.class_id
+            mesh_id = mesh_ids.get(class_id, class_id)
+            entry = rank(hypothesis), (detection.header, hypothesis)
+            if mesh_id not in best or entry[0] < best[mesh_id][0]:
+                best[mesh_id] = entry
+    return {mesh_id: taken for mesh_id, (_, taken) in best.items()}
+
+
+def _distance(position: Any, near: tuple[float, float, float]) -> float:
+    distance = math.dist((position.x, position.y, position.z), near)
+    return distance if math.isfinite(distance) else math.inf
