@@ -165,7 +165,10 @@ class Verifier:
                 end[[finger.inner_joint, finger.distal_joint]] += _FARTHER_RAD
             end = np.minimum(np.maximum(start, end), hand.joint_upper)
             faces = self._reach.faces(T_object_palm, start, end, _REACH_M)
-        if cover.add(faces) or self.world.n_pieces != len(cover.pieces):
+        added = cover.add(faces)
+        if not cover.pieces:  # a hand that reaches nothing still has a part beside it
+            added = cover.add()
+        if added or self.world.n_pieces != len(cover.pieces):
             self.world.take_pieces(cover.pieces)
 
     def _planned_depth(self, grasp: Grasp) -> float:

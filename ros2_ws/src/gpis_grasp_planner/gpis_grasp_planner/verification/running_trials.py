@@ -249,10 +249,12 @@ def _serve(
                 return verifier.verify(grasp)
             return verifier.verify_displaced(grasp, case.displacement)
 
+        told = prepared.cover.is_complete()
         while True:
+            # With nothing to try the rest of the cover is made, for later grasps and plans.
             while not connection.poll(0.0) and not prepared.cover.is_complete():
-                # Nothing to try: the rest of the cover is made, for later grasps and plans.
                 prepared.cover.add(go_on=lambda: not connection.poll(0.0))
-                if prepared.cover.is_complete() and on_complete is not None:
-                    on_complete(prepared.cover)
+            if prepared.cover.is_complete() and not told and on_complete is not None:
+                on_complete(prepared.cover)
+                told = True
             connection.send(answer(connection.recv()))
