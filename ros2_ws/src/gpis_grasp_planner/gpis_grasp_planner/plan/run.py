@@ -15,7 +15,7 @@ from gpis_grasp_planner.forked_child import usable_cores
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.order import distinct
+from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.constraints import make_constraints
@@ -231,7 +231,7 @@ class PlanRun:
         if trials.hungry:
             trials.offer(best, self._cases)
             trials.poll(max(1, usable_cores() - 1))
-        self.monitor.update(n_tried=trials.n_tried, n_held=len(trials.held))
+        self._tell_of(trials)
         finisher = self._finisher
         unfinished = round(finisher.time_for(self._n_wanted) / finisher.cost_s)
         needed = trials.time_for(best, unfinished)
@@ -247,6 +247,11 @@ class PlanRun:
         """Try the finished grasps in physics, best first, until the deadline."""
         if deadline is not None:
             deadline -= self._hold.time_for(self._n_wanted)
+
+        def stopped() -> bool:
+            self._tell_of(trials)
+            return self.monitor.stopped()
+
         selection = select(
             trials,
             self._cases,
@@ -254,11 +259,17 @@ class PlanRun:
             Reserve(),
             self.settings.hpp.volume_weight,
             deadline,
-            self.monitor.stopped,
+            stopped,
             known=None if before is None else before.known,
         )
         self.monitor.update(n_tried=selection.n_tried, n_held=len(selection.held))
         return selection
+
+    def _tell_of(self, trials: FinalistTrials) -> None:
+        """Report how many grasps were tried, and the best of those that held."""
+        weight, held = self.settings.hpp.volume_weight, trials.held
+        best = min(held, key=lambda grasp: answer_rank(grasp, weight)) if held else None
+        self.monitor.update(n_tried=trials.n_tried, n_held=len(held), best_held=best)
 
     def _answer_of(
         self, grasps: tuple[Grasp, ...], selection: Selection | None, deadline: float | None

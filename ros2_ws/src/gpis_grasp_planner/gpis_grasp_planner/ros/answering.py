@@ -15,7 +15,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
-from gpis_grasp_planner.ros.conversions import grasp_message
+from gpis_grasp_planner.ros.conversions import MeshVersion, grasp_message
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
@@ -135,6 +135,9 @@ class GraspAnswering:
             approach=approach_of(request, pose, self._transform),
             forbidden=forbidden_of(request),
         )
+        T_palm_flange = pose_of_text(self._settings().palm_flange_pose, "palm_flange_pose")
+        version = MeshVersion(request.mesh_id)
+        call.show = lambda grasp: grasp_message(grasp, version, shown, self._hand, T_palm_flange)
         ask = self._plans.known if only_known else self._plans.plan
         delivered = ask(request.mesh_id, plan_request, call, place)
         if given is None and not delivered.from_cache:
@@ -151,7 +154,6 @@ class GraspAnswering:
         response.evaluations = plan.evaluations
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
-        T_palm_flange = pose_of_text(self._settings().palm_flange_pose, "palm_flange_pose")
         response.grasps = [
             grasp_message(grasp, plan, shown, self._hand, T_palm_flange)
             for grasp in plan.grasps[: plan_request.n_grasps]

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -73,9 +74,17 @@ def verification_message(trials: Trials | None) -> GraspVerification:
     )
 
 
+@dataclass(frozen=True)
+class MeshVersion:
+    """Which mesh a grasp is of; the hash is "" where it is not known yet."""
+
+    mesh_id: str
+    mesh_hash: str = ""
+
+
 def grasp_message(
     grasp: Grasp,
-    plan: Plan,
+    plan: Plan | MeshVersion,
     pose: ObjectPose,
     hand: HandDescription,
     T_palm_flange: Array | None = None,
@@ -127,7 +136,7 @@ def grasp_message(
 
 
 def feedback_message(call: Call) -> PlanGrasp.Feedback:
-    """How far the work for a goal is."""
+    """How far the work for a goal is, and its best grasp that held so far."""
     progress = call.progress
     if progress is None:
         return PlanGrasp.Feedback(phase="waiting", elapsed=call.elapsed_s, best_epsilon=-1.0)
@@ -140,4 +149,5 @@ def feedback_message(call: Call) -> PlanGrasp.Feedback:
         n_candidates=progress.n_candidates,
         n_tried=progress.n_tried,
         n_held=progress.n_held,
+        best_verified=[] if progress.best_held is None else [call.show(progress.best_held)],
     )
