@@ -158,6 +158,8 @@ class GraspAnswering:
             grasp_message(grasp, plan, shown, self._hand, T_palm_flange)
             for grasp in plan.grasps[: plan_request.n_grasps]
         ]
+        if 0 < len(response.grasps) < len(plan.grasps):
+            response.message += f" The first {len(response.grasps)} are answered, as asked."
         if plan.best_attempt is not None and not plan.grasps:
             attempt = grasp_message(plan.best_attempt, plan, shown, self._hand, T_palm_flange)
             response.best_attempt = [attempt]
