@@ -46,6 +46,7 @@ OWNERS = {
     "trimesh": ("geometry/parts/",),
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": ("geometry/parts/",),
+    "fast_simplification": ("geometry/simplification.py",),
     "open3d": ("view/",),
     "matplotlib": ("view/",),
     **dict.fromkeys(

@@ -35,6 +35,7 @@ setup(
         "cascadio",  # STEP files for trimesh
         "coacd",  # convex decomposition
         "coal",  # exact distance and collision
+        "fast-simplification",  # large meshes
         "manifold3d",  # solids of the shipped parts
         "matplotlib",
         "numba",  # inner loop of the search

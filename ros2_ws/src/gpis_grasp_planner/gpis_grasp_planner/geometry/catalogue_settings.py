@@ -49,6 +49,13 @@ class CatalogueSettings(SettingsGroup):
         high=1000.0,
         description="A part whose largest extent is larger is refused as a mistake of units.",
     )
+    simplify_above_faces: int = setting(
+        60_000,
+        low=10_000,
+        high=10_000_000,
+        description="A mesh with more triangles is simplified for surface, field and physics; "
+        "contacts are decided on the full mesh.",
+    )
     degenerate_faces: str = setting(
         "drop",
         choices=("drop", "refuse"),

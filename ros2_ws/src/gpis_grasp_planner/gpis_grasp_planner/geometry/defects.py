@@ -99,7 +99,7 @@ def judge(
     """
     notes: list[str] = []
     _check_content(vertices, parsed_faces, name)
-    check_extent(vertices[np.unique(parsed_faces)], name, unit, settings)
+    check_extent(_used_points(vertices, parsed_faces), name, unit, settings)
     vertices, faces = merge_equal(vertices, parsed_faces)
     drop = drop_degenerate or settings.degenerate_faces == "drop"
     faces = _without_degenerate(vertices, faces, name, drop, notes)
@@ -195,6 +195,12 @@ def _without_duplicates(faces: Faces, notes: list[str]) -> Faces:
         return faces
     notes.append(f"{int((~new).sum())} duplicate faces were dropped.")
     return faces[np.sort(order[new])]
+
+
+def _used_points(vertices: Array, faces: RawFaces) -> Array:
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    return vertices[used]
 
 
 def _used_only(vertices: Array, faces: Faces) -> tuple[Array, Faces]:

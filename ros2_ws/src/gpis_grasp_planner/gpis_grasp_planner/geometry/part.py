@@ -36,6 +36,9 @@ class Part:
         From the sidecar; None where it says nothing and the settings decide.
     notes : tuple of str
         What was repaired or assumed, for the answer to report.
+    simplified : TriangleMesh or None
+        Of a large mesh, one of fewer triangles for surface, distance field, PyBullet and convex
+        pieces; a note says how far it is from the mesh. Contacts are decided on the mesh.
     """
 
     mesh_id: str
@@ -46,6 +49,12 @@ class Part:
     watertight: bool
     friction: Friction | None = None
     notes: tuple[str, ...] = field(default=())
+    simplified: TriangleMesh | None = None
+
+    @property
+    def working_mesh(self) -> TriangleMesh:
+        """The mesh that search and physics work with: the simplified one of a large mesh."""
+        return self.simplified or self.mesh
 
     @property
     def max_radius(self) -> float:

@@ -54,7 +54,7 @@ class TriangleTree:
         """
         faces = np.flatnonzero(mesh.face_areas > 0.0)
         triangles = mesh.triangles[faces]
-        low, high, middle = triangles.min(axis=1), triangles.max(axis=1), triangles.mean(axis=1)
+        middle = triangles.sum(axis=1)
         order = np.arange(len(triangles))
         size = 2 * len(triangles) + 1
         lower, upper = np.empty((size, 3)), np.empty((size, 3))
@@ -65,11 +65,12 @@ class TriangleTree:
         while waiting:
             on_share(1.0 - pending[waiting - 1, 1] / len(order))
             waiting, nodes = _split_nodes(
-                middle, low, high, order, lower, upper, child, pending, waiting, nodes,
-                nodes + _NODES_A_CALL,
-            )  # fmt: skip
+                middle, order, child, pending, waiting, nodes, nodes + _NODES_A_CALL
+            )
+        triangles = np.ascontiguousarray(triangles[order])
+        _set_boxes(triangles, child, nodes, lower, upper)
         return TriangleTree(
-            np.ascontiguousarray(triangles[order]),
+            triangles,
             np.ascontiguousarray(mesh.face_normals_outward[faces[order]]),
             lower[:nodes].copy(),
             upper[:nodes].copy(),
@@ -113,30 +114,24 @@ def _select(order, first, last, nth, values, axis):  # type: ignore[no-untyped-d
 
 
 @njit
-def _split_nodes(  # type: ignore[no-untyped-def]
-    middle, low, high, order, lower, upper, child, pending, waiting, nodes, end
-):
+def _split_nodes(middle, order, child, pending, waiting, nodes, end):  # type: ignore[no-untyped-def]
     """Make nodes of what is pending, up to `end` of them; returns (waiting, nodes)."""
+    low, high = np.empty(3), np.empty(3)
     while waiting > 0 and nodes < end:
         waiting -= 1
         first, last, parent, side = pending[waiting]
         if parent >= 0:
             child[parent, side] = nodes
-        axis, widest = 0, -1.0
-        for d in range(3):
-            box_low, box_high, middle_low, middle_high = np.inf, -np.inf, np.inf, -np.inf
-            for n in range(first, last):
-                t = order[n]
-                box_low = min(box_low, low[t, d])
-                box_high = max(box_high, high[t, d])
-                middle_low = min(middle_low, middle[t, d])
-                middle_high = max(middle_high, middle[t, d])
-            lower[nodes, d], upper[nodes, d] = box_low, box_high
-            if middle_high - middle_low > widest:
-                axis, widest = d, middle_high - middle_low
         if last - first <= _LEAF:
             child[nodes, 0], child[nodes, 1] = -1 - first, last - first
         else:
+            low[:], high[:] = np.inf, -np.inf
+            for n in range(first, last):
+                t = order[n]
+                for d in range(3):
+                    low[d] = min(low[d], middle[t, d])
+                    high[d] = max(high[d], middle[t, d])
+            axis = np.argmax(high - low)
             half = first + (last - first) // 2
             _select(order, first, last, half, middle, axis)
             pending[waiting, 0], pending[waiting, 1] = first, half
@@ -146,6 +141,24 @@ def _split_nodes(  # type: ignore[no-untyped-def]
             waiting += 2
         nodes += 1
     return waiting, nodes
+
+
+@njit
+def _set_boxes(triangles, child, nodes, lower, upper):  # type: ignore[no-untyped-def]
+    """Boxes of the nodes, from the leaves up: children have higher numbers than their parents."""
+    for node in range(nodes - 1, -1, -1):
+        a, b = child[node]
+        if a >= 0:
+            for d in range(3):
+                lower[node, d] = min(lower[a, d], lower[b, d])
+                upper[node, d] = max(upper[a, d], upper[b, d])
+            continue
+        lower[node], upper[node] = np.inf, -np.inf
+        for t in range(-1 - a, -1 - a + b):
+            for k in range(3):
+                for d in range(3):
+                    lower[node, d] = min(lower[node, d], triangles[t, k, d])
+                    upper[node, d] = max(upper[node, d], triangles[t, k, d])
 
 
 @njit

@@ -19,7 +19,6 @@ from scipy.version import version as scipy_version
 from gpis_grasp_planner.disk_cache import DiskCache, code_version
 from gpis_grasp_planner.errors import ErrorCode, PlanningError
 from gpis_grasp_planner.geometry.distance_field import DistanceField
-from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.plan.settings import PlannerSettings
@@ -39,7 +38,10 @@ ShouldStop = Callable[[], bool]
 
 @dataclass(frozen=True, eq=False)
 class PreparedObject:
-    """What is made once per mesh: distance field, triangle tree, and the atlas of the GPIS."""
+    """What is made once per mesh: distance field, triangle tree, and the atlas of the GPIS.
+
+    The tree is over all triangles; field and surface are those of a large mesh's simplified one.
+    """
 
     field: DistanceField
     tree: TriangleTree
@@ -93,13 +95,13 @@ class Preparation:
         MeshError
             For a mesh to which no surface can be fitted.
         """
-        key = part.mesh.content_hash
+        key = _key(part)
         with self._lock:
             prepared = self._prepared.get(key)
         # Made without the lock: who asks for another part that is known shall not wait.
         prepared = prepared or self._from_disk(key)
         if prepared is None:
-            work = self._work(part.mesh)
+            work = self._work(part)
             try:
                 prepared = work.wait(on_share, should_stop, late)
             finally:
@@ -113,17 +115,18 @@ class Preparation:
                 self._prepared.popitem(last=False)
         return prepared
 
-    def _work(self, mesh: TriangleMesh) -> _SideBySide:
+    def _work(self, part: Part) -> _SideBySide:
         """The work on a mesh, begun now unless it is under way."""
+        key = _key(part)
         with self._lock:
-            work = self._running.get(mesh.content_hash)
+            work = self._running.get(key)
             if work is None or work.failed:
-                work = self._running[mesh.content_hash] = self._begun(mesh)
+                work = self._running[key] = self._begun(part)
             work.n_waiting += 1
             return work
 
-    def _from_disk(self, content_hash: str) -> PreparedObject | None:
-        arrays = self.disk.get(_KIND, self._disk_key(content_hash))
+    def _from_disk(self, key: str) -> PreparedObject | None:
+        arrays = self.disk.get(_KIND, self._disk_key(key))
         if arrays is None:
             return None
         surface = ImplicitSurface.from_arrays(_of_group("surface", arrays), self.settings.surface)
@@ -134,13 +137,14 @@ class Preparation:
             SurfaceAtlas(surface),
         )
 
-    def _begun(self, mesh: TriangleMesh) -> _SideBySide:
+    def _begun(self, part: Part) -> _SideBySide:
+        mesh = part.working_mesh
         cells, surface_settings = self.settings.scene.field_cells, self.settings.surface
         work = _SideBySide(_WEIGHTS)
 
         def field_and_tree() -> tuple[DistanceField, TriangleTree]:
             field = DistanceField.of(mesh, cells=cells, on_share=work.reporter("field"))
-            return field, TriangleTree.of(mesh, on_share=work.reporter("tree"))
+            return field, TriangleTree.of(part.mesh, on_share=work.reporter("tree"))
 
         def atlas() -> SurfaceAtlas:
             return SurfaceAtlas(fit_part(mesh, surface_settings, on_share=work.reporter("surface")))
@@ -149,7 +153,7 @@ class Preparation:
             (field, tree), made = results
             self.disk.put(
                 _KIND,
-                self._disk_key(mesh.content_hash),
+                self._disk_key(_key(part)),
                 {
                     **{f"field.{f.name}": getattr(field, f.name) for f in fields(field)},
                     **{f"tree.{f.name}": getattr(tree, f.name) for f in fields(tree)},
@@ -161,11 +165,11 @@ class Preparation:
         work.begin([field_and_tree, atlas], joined)
         return work
 
-    def _disk_key(self, content_hash: str) -> str:
+    def _disk_key(self, key: str) -> str:
         """Everything that what is made depends on."""
         return repr(
             (
-                content_hash,
+                key,
                 self.settings.scene.field_cells,
                 sorted(self.settings.surface.as_dict().items()),
                 code_version(*_SOURCES),
@@ -268,6 +272,13 @@ class _SideBySide:
         if not self._done:
             raise PlanningError("The preparation was ended by another.", ErrorCode.CANCELLED)
         return self._result
+
+
+def _key(part: Part) -> str:
+    """The mesh, and where search works with a simplified one, that too."""
+    if part.simplified is None:
+        return part.mesh.content_hash
+    return f"{part.mesh.content_hash}-{part.simplified.content_hash}"
 
 
 def _of_group(group: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

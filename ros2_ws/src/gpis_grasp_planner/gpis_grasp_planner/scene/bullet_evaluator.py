@@ -91,7 +91,7 @@ class BulletEvaluator:
         self.part = part
         self.friction = friction
         self.settings = settings
-        self.world = BulletWorld(hand, part.mesh, field, tree)
+        self.world = BulletWorld.of_part(hand, part, field, tree)
         self._moving = [link for f in hand.fingers for link in (f.inner_link, f.distal_link)]
         self._fixed = [link for link in range(hand.n_links) if link not in self._moving]
         self._radius, self._inner_radius = _radii(hand)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree, nearest_point
 from gpis_grasp_planner.hand.description import HandDescription
@@ -204,6 +205,21 @@ class BulletWorld:
         self._joints = np.zeros(hand.n_joints)
         self._T_palm_link: Array | None = None
         self._placed = np.zeros(hand.n_links, dtype=np.bool_)
+
+    @classmethod
+    def of_part(
+        cls,
+        hand: HandDescription,
+        part: Part,
+        field: DistanceField | None = None,
+        tree: TriangleTree | None = None,
+    ) -> Self:
+        """The world of a part; of a large one, with its simplified mesh.
+
+        `tree` is that of the part's whole mesh.
+        """
+        whole = part.simplified is None
+        return cls(hand, part.working_mesh, field, tree if whole else None)
 
     def __enter__(self) -> Self:
         self._context = bullet_client()

@@ -62,7 +62,7 @@ class CompiledEvaluator:
         self.hand = hand
         self._friction = friction
         self.settings = settings
-        self.field = field or DistanceField.of(part.mesh, cells=settings.field_cells)
+        self.field = field or DistanceField.of(part.working_mesh, cells=settings.field_cells)
         self.tree = tree or TriangleTree.of(part.mesh)
         self._hand = hand_arrays(hand)
         self._object = object_arrays(part, friction, self.field, self.tree)

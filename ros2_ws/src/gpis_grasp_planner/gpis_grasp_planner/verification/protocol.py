@@ -78,8 +78,9 @@ def prepare(
     """Cover a part by convex pieces (1 to 5 s), once per mesh and tolerance."""
     found = known(part, settings)
     if found is None:
-        field, tree = field or DistanceField.of(part.mesh), tree or TriangleTree.of(part.mesh)
-        pieces = convex_cover(part.mesh, field, tree, settings.cover_tolerance_m)
+        field = field or DistanceField.of(part.working_mesh)
+        tree = tree or TriangleTree.of(part.mesh)
+        pieces = convex_cover(part.working_mesh, field, tree, settings.cover_tolerance_m)
         found = PreparedPart(field, tree, tuple(pieces))
         remember(part, settings, found)
     return found
@@ -112,7 +113,7 @@ class Verifier:
         self._prepared = prepared or prepare(part, settings)
         self._start = StartFinder.of(hand, self._prepared.field)
         self.world = TrialWorld(hand, part, self._prepared.pieces, settings)
-        self.scene = BulletWorld(hand, part.mesh, self._prepared.field, self._prepared.tree)
+        self.scene = BulletWorld.of_part(hand, part, self._prepared.field, self._prepared.tree)
 
     def __enter__(self) -> Verifier:
         self.world.__enter__()
