@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format benchmark lock clean
+.PHONY: help setup demo demo-cell soak faults test lint format benchmark lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -17,13 +17,23 @@ LOCKED := $(PWD)/.venv/bin/uv pip compile -q --python-version 3.11 --generate-ha
 	--custom-compile-command "make lock"
 
 help:  ## Show this list
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
 
 setup:  ## System packages, virtual environment, locked dependencies, colcon build
 	@scripts/setup.sh
 
 demo: setup  ## Start the node, publish an object's pose, plan a grasp for the mug, draw it
 	@$(RUN) python scripts/demo.py
+
+demo-cell: setup  ## A cell: detections of a moving camera, tf, and an executive that uses the action
+	@$(RUN) python scripts/demo_cell.py
+
+soak: setup  ## Many clients at once against a node: lost answers, times, memory (10 min)
+	@$(RUN) python tests/benchmarks/node_soak.py $(SOAK_ARGS)
+
+faults: setup  ## The tests that kill, stop and starve the node's processes
+	@$(RUN) python -m pytest tests/ros/worker tests/ros/test_node_life.py \
+		tests/ros/test_node_bad_input.py $(PYTEST_ARGS)
 
 test: setup lint  ## Lint, types, all tests (real processes over real DDS included)
 	@$(RUN) python -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)

@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -50,11 +50,21 @@ class Clients:
             self._executor.add_node(node)
             if not service.wait_for_service(LIMIT_S):
                 raise RuntimeError("the node is not there")
-        threading.Thread(target=self._spin, daemon=True).start()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
 
     def _spin(self) -> None:
-        while True:
+        while not self._ended.is_set():
             self._executor.spin_once(timeout_sec=0.2)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        rclpy.try_shutdown()
 
     def call(self, k: int, request: Any) -> tuple[Any, float]:
         """The answer to a request of client k, None where none came, and its time [s]."""
@@ -103,7 +113,7 @@ def burst(arguments: tuple[int, int, int, float]) -> list[tuple[int, float, bool
     number, clients, rounds, begin = arguments
     group = Clients(f"burst_{number}", clients)
     rows: list[tuple[int, float, bool]] = []
-    with ThreadPoolExecutor(clients) as threads:
+    with group, ThreadPoolExecutor(clients) as threads:
         for k in range(rounds):
             time.sleep(max(begin + 12.0 * k - time.time(), 0.0))
             requests = [
@@ -132,7 +142,7 @@ def mix(arguments: tuple[int, int, int, float]) -> list[tuple[int, float, bool]]
                 rows.append((answer.code, seconds, bool(mesh_id) and crossed(answer, mesh_id)))
         return rows
 
-    with ThreadPoolExecutor(clients) as threads:
+    with group, ThreadPoolExecutor(clients) as threads:
         return [row for rows in threads.map(one, range(clients)) for row in rows]
 
 
@@ -153,7 +163,8 @@ def covariances(arguments: tuple[int, int, float]) -> Counter[int]:
             publisher.publish(PartPoses(parts=[part]))
             time.sleep(0.2)
 
-    threading.Thread(target=publish, daemon=True).start()
+    publishing = threading.Thread(target=publish)
+    publishing.start()
 
     def ask(k: int) -> None:
         while time.time() < end:
@@ -164,8 +175,9 @@ def covariances(arguments: tuple[int, int, float]) -> Counter[int]:
             codes[-1 if answer is None else answer.code] += 1
             time.sleep(0.05)
 
-    with ThreadPoolExecutor(clients) as threads:
+    with group, ThreadPoolExecutor(clients) as threads:
         list(threads.map(ask, range(clients)))
+        publishing.join()
     return codes
 
 
@@ -254,8 +266,13 @@ def main() -> None:
 
 def report(options: Any, pid: int) -> None:
     """Print the table."""
+    with Clients("soak", 1) as main_client:
+        report_with(main_client, options, pid)
+
+
+def report_with(main_client: Clients, options: Any, pid: int) -> None:
+    """Print the rows of the table, with a client of this process."""
     processes = options.processes
-    main_client = Clients("soak", 1)
     for mesh_id in MESHES:
         answer = None
         while answer is None or answer.code not in (0, 400):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -267,7 +268,7 @@ class NeverFree:
 class FirstOfferHolds:
     """Trials in which the first grasp that was offered holds and no other is tried."""
 
-    n_tried = n_held = n_lost = 1
+    n_tried = n_lost = 1
     offers: ClassVar[list] = []
 
     def __init__(self, *_):
@@ -285,6 +286,10 @@ class FirstOfferHolds:
     def of(self, grasp):
         first = np.array_equal(grasp.T_object_palm, self.offers[0].T_object_palm)
         return Trials((TrialOutcome("case", True),)) if first else None
+
+    @property
+    def held(self):
+        return [replace(self.offers[0], trials=self.of(self.offers[0]))] if self.offers else []
 
     def close(self):
         pass

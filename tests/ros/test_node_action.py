@@ -99,6 +99,13 @@ def test_feedback_comes_in_every_phase(actions: Actions) -> None:
     assert 0.0 <= shares[0] <= shares[-1] <= 1.0
     assert max(feedback.evaluations for _, feedback in goal.feedback) <= result.evaluations
     assert len(goal.feedback) >= 5 * result.elapsed - 5
+    shown = [grasp for _, feedback in goal.feedback for grasp in feedback.best_verified]
+    for _, feedback in goal.feedback:
+        assert len(feedback.best_verified) == (feedback.n_held > 0)
+    for grasp in shown:
+        assert grasp.mesh_id == "sphere"
+        assert grasp.epsilon > 0.0
+        assert grasp.palm_pose.header.frame_id == "world"
 
 
 def test_what_is_wrong_is_in_the_result(actions: Actions) -> None:

@@ -163,8 +163,13 @@ class SettingsGroup:
 
 def describe(group: type[SettingsGroup]) -> list[SettingInfo]:
     """The settings of a group, in the order of their declaration."""
-    hints = get_type_hints(group)
-    return [_info(f, hints[f.name]) for f in fields(group)]
+    if group not in _DESCRIBED:
+        hints = get_type_hints(group)
+        _DESCRIBED[group] = tuple(_info(f, hints[f.name]) for f in fields(group))
+    return list(_DESCRIBED[group])
+
+
+_DESCRIBED: dict[type[SettingsGroup], tuple[SettingInfo, ...]] = {}
 
 
 def _info(f: Field[Any], hint: Any) -> SettingInfo:

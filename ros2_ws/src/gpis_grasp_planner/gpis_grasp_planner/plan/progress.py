@@ -11,6 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
+
+from gpis_grasp_planner.grasp.grasp import Grasp
 
 PROGRESS_INTERVAL_S = 0.1
 
@@ -42,6 +45,8 @@ class Progress:
         Grasps with force closure that are kept.
     n_tried, n_held : int
         Grasps tried in physics so far, and those of them that held.
+    best_held : Grasp or None
+        The best of these, in the part's frame.
     """
 
     phase: Phase
@@ -52,6 +57,7 @@ class Progress:
     n_candidates: int = 0
     n_tried: int = 0
     n_held: int = 0
+    best_held: Grasp | None = None
 
     @property
     def share_done(self) -> float:
@@ -100,7 +106,7 @@ class Monitor:
         self._should_stop = should_stop
         self._phase = Phase.READING
         self._due = self.start
-        self._figures: dict[str, float] = {}
+        self._figures: dict[str, Any] = {}
 
     @property
     def elapsed_s(self) -> float:
@@ -124,7 +130,7 @@ class Monitor:
             self.phase_s[phase] = self.phase_s.get(phase, 0.0) + self.now() - start
             self._phase = outer
 
-    def update(self, **figures: float) -> None:
+    def update(self, **figures: Any) -> None:
         """Set figures of the coming reports: fields of Progress by name."""
         self._figures.update(figures)
 
@@ -141,5 +147,5 @@ class Monitor:
             return
         self._due = self.now() + PROGRESS_INTERVAL_S
         self._on_progress(
-            Progress(self._phase, self.elapsed_s, self.time_budget_s, **self._figures)  # type: ignore[arg-type]
+            Progress(self._phase, self.elapsed_s, self.time_budget_s, **self._figures)
         )

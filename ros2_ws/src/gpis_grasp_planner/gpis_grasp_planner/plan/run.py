@@ -14,6 +14,7 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.constraints import make_constraints
@@ -139,7 +140,7 @@ class PlanRun:
             with monitor.phase(Phase.TRYING):
                 self._finish_trials(trials, grasps, deadline)
             over = self._search.finished or deadline is None
-            if trials.n_held or over or monitor.left_s < _SHORTEST_ROUND_S:
+            if trials.held or over or monitor.left_s < _SHORTEST_ROUND_S:
                 break
         return self._answer_of(grasps, deadline)
 
@@ -252,7 +253,7 @@ class PlanRun:
             spent = monitor.now() - now
             offer_at = monitor.now() + max(_OFFER_INTERVAL_S, _OFFER_PAUSE * spent)
         trials.poll(processes)
-        monitor.update(n_tried=trials.n_tried, n_held=trials.n_held)
+        self._tell_of(trials)
         return offer_at
 
     def _finish_trials(
@@ -262,8 +263,19 @@ class PlanRun:
         if deadline is not None:
             deadline -= self._hold.time_for(self._n_wanted)
         trials.offer(grasps)
-        trials.finish(processes_alone(self.settings.verification), deadline, self.monitor.stopped)
-        self.monitor.update(n_tried=trials.n_tried, n_held=trials.n_held)
+
+        def stopped() -> bool:
+            self._tell_of(trials)
+            return self.monitor.stopped()
+
+        trials.finish(processes_alone(self.settings.verification), deadline, stopped)
+        self._tell_of(trials)
+
+    def _tell_of(self, trials: RunningTrials) -> None:
+        """Report how many grasps were tried, and the best of those that held."""
+        weight, held = self.settings.hpp.volume_weight, trials.held
+        best = min(held, key=lambda grasp: answer_rank(grasp, weight)) if held else None
+        self.monitor.update(n_tried=trials.n_tried, n_held=len(held), best_held=best)
 
     def _answer_of(self, grasps: tuple[Grasp, ...], deadline: float | None) -> Answer:
         """Rank, choose, and say what came of it."""

@@ -15,7 +15,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
-from gpis_grasp_planner.ros.conversions import grasp_message
+from gpis_grasp_planner.ros.conversions import MeshVersion, grasp_message
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
@@ -23,7 +23,7 @@ from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.request_guard import ObjectPose, check_request
 from gpis_grasp_planner.ros.scene_defaults import pose_of_text
 from gpis_grasp_planner.ros.scene_source import SceneSource, Transform
-from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.settings import NO_FLANGE, NodeSettings
 from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 
 
@@ -135,6 +135,12 @@ class GraspAnswering:
             approach=approach_of(request, pose, self._transform),
             forbidden=forbidden_of(request),
         )
+        flange = self._settings().palm_flange_pose
+        T_palm_flange = None
+        if flange != NO_FLANGE:
+            T_palm_flange = pose_of_text(flange, "palm_flange_pose")
+        version = MeshVersion(request.mesh_id)
+        call.show = lambda grasp: grasp_message(grasp, version, shown, self._hand, T_palm_flange)
         ask = self._plans.known if only_known else self._plans.plan
         delivered = ask(request.mesh_id, plan_request, call, place)
         if given is None and not delivered.from_cache:
@@ -151,11 +157,12 @@ class GraspAnswering:
         response.evaluations = plan.evaluations
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
-        T_palm_flange = pose_of_text(self._settings().palm_flange_pose, "palm_flange_pose")
         response.grasps = [
             grasp_message(grasp, plan, shown, self._hand, T_palm_flange)
             for grasp in plan.grasps[: plan_request.n_grasps]
         ]
+        if 0 < len(response.grasps) < len(plan.grasps):
+            response.message += f" The first {len(response.grasps)} are answered, as asked."
         if plan.best_attempt is not None and not plan.grasps:
             attempt = grasp_message(plan.best_attempt, plan, shown, self._hand, T_palm_flange)
             response.best_attempt = [attempt]

@@ -7,7 +7,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from gpis_grasp_msgs.msg import Grasp as GraspMessage
 from gpis_grasp_planner.errors import ErrorCode, PlanningError
+from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.plan.progress import Progress
 
 
@@ -20,6 +22,8 @@ class Call:
         When it came, by ``time.monotonic``.
     progress : Progress or None
         How far the work is by the last report, None before it has begun.
+    show : callable
+        Makes a message of a grasp, where the part of this request lies.
     admitted : bool
         Whether it has had a turn: it then waits for further ones, however many others do.
     """
@@ -27,6 +31,7 @@ class Call:
     def __init__(self) -> None:
         self.start = time.monotonic()
         self.progress: Progress | None = None
+        self.show: Callable[[Grasp], GraspMessage] = lambda _grasp: GraspMessage()
         self.admitted = False
         self._lock = threading.Lock()
         self._why = ""

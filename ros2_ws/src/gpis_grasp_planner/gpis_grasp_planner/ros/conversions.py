@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -73,9 +74,17 @@ def verification_message(trials: Trials | None) -> GraspVerification:
     )
 
 
+@dataclass(frozen=True)
+class MeshVersion:
+    """Which mesh a grasp is of; the hash is "" where it is not known yet."""
+
+    mesh_id: str
+    mesh_hash: str = ""
+
+
 def grasp_message(
     grasp: Grasp,
-    plan: Plan,
+    plan: Plan | MeshVersion,
     pose: ObjectPose,
     hand: HandDescription,
     T_palm_flange: Array | None = None,
@@ -86,23 +95,22 @@ def grasp_message(
     T_world_palm = T_world_object @ grasp.T_object_palm
     R_world_object = T_world_object[:3, :3]
     direction = R_world_object @ grasp.approach_direction
-    T_world_pregrasp = T_world_palm.copy()
-    T_world_pregrasp[:3, 3] -= grasp.approach_distance * direction
+    palm = pose_message(T_world_palm)
+    pregrasp = Pose(
+        position=point_message(T_world_palm[:3, 3] - grasp.approach_distance * direction),
+        orientation=palm.orientation,
+    )
+    flange = palm if T_palm_flange is None else pose_message(T_world_palm @ T_palm_flange)
     positions = apply(T_world_object, grasp.contacts.positions)
     normals = grasp.contacts.normals_inward @ R_world_object.T
     return GraspMessage(
         mesh_id=plan.mesh_id,
         mesh_hash=plan.mesh_hash,
-        palm_pose=PoseStamped(header=header, pose=pose_message(T_world_palm)),
-        flange_pose=PoseStamped(
-            header=header,
-            pose=pose_message(
-                T_world_palm if T_palm_flange is None else T_world_palm @ T_palm_flange
-            ),
-        ),
+        palm_pose=PoseStamped(header=header, pose=palm),
+        flange_pose=PoseStamped(header=header, pose=flange),
         pre_grasp=joint_state_message(header, hand.joint_names, grasp.pregrasp_joints),
         grasp=joint_state_message(header, hand.joint_names, grasp.joints),
-        pre_grasp_palm_pose=PoseStamped(header=header, pose=pose_message(T_world_pregrasp)),
+        pre_grasp_palm_pose=PoseStamped(header=header, pose=pregrasp),
         approach_direction=Vector3Stamped(header=header, vector=vector_message(direction)),
         approach_distance=float(grasp.approach_distance),
         lift_direction=Vector3Stamped(
@@ -127,7 +135,7 @@ def grasp_message(
 
 
 def feedback_message(call: Call) -> PlanGrasp.Feedback:
-    """How far the work for a goal is."""
+    """How far the work for a goal is, and its best grasp that held so far."""
     progress = call.progress
     if progress is None:
         return PlanGrasp.Feedback(phase="waiting", elapsed=call.elapsed_s, best_epsilon=-1.0)
@@ -140,4 +148,5 @@ def feedback_message(call: Call) -> PlanGrasp.Feedback:
         n_candidates=progress.n_candidates,
         n_tried=progress.n_tried,
         n_held=progress.n_held,
+        best_verified=[] if progress.best_held is None else [call.show(progress.best_held)],
     )

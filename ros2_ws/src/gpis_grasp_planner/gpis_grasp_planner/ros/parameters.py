@@ -57,7 +57,7 @@ class NodeParameters:
         self._refuse_unknown()
         for name, info in self._infos.items():
             self._declare(name, info)
-        self._groups = self._built({})
+        self._take([])
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
 
@@ -69,8 +69,11 @@ class NodeParameters:
         return group
 
     def planning_values(self) -> dict[str, dict[str, Any]]:
-        """Values by group and name of everything that belongs to planning and the catalogue."""
-        return {name: group.as_dict() for name, group in self._groups.items() if name}
+        """Values by group and name of everything that belongs to planning and the catalogue.
+
+        The same object until a parameter changes; not to be written to.
+        """
+        return self._planning_values
 
     def group(self, name: str) -> SettingsGroup:
         """One group of settings at this moment."""
@@ -130,6 +133,7 @@ class NodeParameters:
 
     def _take(self, _parameters: list[Parameter]) -> None:
         self._groups = self._built({})
+        self._planning_values = {n: group.as_dict() for n, group in self._groups.items() if n}
 
 
 def _descriptor(name: str, info: SettingInfo) -> ParameterDescriptor:

@@ -8,7 +8,7 @@ import json
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
@@ -28,13 +28,28 @@ def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
 
     A plan for one place is the beginning of one for another.
     """
-    settings = {name: group for name, group in order.settings.items() if name not in AFTERWARDS}
     content: Mapping[str, Any] = {
-        **asdict(replace(order, place=None, known=b"", read_limit_s=0.0)),
-        "settings": settings,
+        "mesh_id": order.mesh_id,
+        "mesh_directories": order.mesh_directories,
+        "request": asdict(order.request),
         "mesh": mesh_fingerprint,
     }
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+    text = json.dumps(content, sort_keys=True, default=str) + _settings_text(order.settings)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+# The node hands the same mapping over until a parameter changes.
+_last_settings: tuple[object, str] = (None, "")
+
+
+def _settings_text(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    global _last_settings
+    known, text = _last_settings
+    if known is not settings:
+        decisive = {name: group for name, group in settings.items() if name not in AFTERWARDS}
+        text = json.dumps(decisive, sort_keys=True, default=str)
+        _last_settings = settings, text
+    return text
 
 
 class PlanCache:

@@ -69,6 +69,7 @@ class PlanSource:
         self._planning_values = planning_values
         self.cache = PlanCache(settings().plan_cache_size)
         self._facts: dict[str, MeshFacts] = {}
+        self._catalogue: tuple[object, CatalogueSettings] = (None, CatalogueSettings())
 
     def check_mesh_id(self, mesh_id: str) -> None:
         """Refuse an ID that is not allowed or has no file, without opening or parsing one.
@@ -251,7 +252,12 @@ class PlanSource:
         return fingerprint(self._directories, mesh_id, limit)
 
     def _catalogue_settings(self) -> CatalogueSettings:
-        return CatalogueSettings.from_mapping(self._planning_values()["catalogue"])
+        values = self._planning_values()["catalogue"]
+        known, settings = self._catalogue
+        if known is not values:
+            settings = CatalogueSettings.from_mapping(values)
+            self._catalogue = values, settings
+        return settings
 
 
 def _depends_on_pose(request: PlanRequest) -> bool:

@@ -93,9 +93,10 @@ class PoseSource:
                     "not installed. Install ros-jazzy-vision-msgs, or choose another type."
                 ) from None
             kinds[pose_type] = Detection3DArray, DETECTIONS_TOPIC, self._on_detections
+        self._topic = PART_POSES_TOPIC
         if pose_type in kinds:
-            kind, topic, callback = kinds[pose_type]
-            self._node.create_subscription(kind, topic, callback, qos_profile=ESTIMATE_QOS)
+            kind, self._topic, callback = kinds[pose_type]
+            self._node.create_subscription(kind, self._topic, callback, qos_profile=ESTIMATE_QOS)
 
     def listen_to(self, frames: TfListener) -> None:
         """Take poses of parts from tf, where `pose_type` says so."""
@@ -124,7 +125,7 @@ class PoseSource:
                 seen = f" Estimates came only for: {names}."
             raise PoseError(
                 f"There is no pose estimate for '{mesh_id}' yet.{seen} Publish one on "
-                f"'{self._node.resolve_topic_name(OBJECT_POSE_TOPIC)}' or "
+                f"'{self._node.resolve_topic_name(self._topic)}' or "
                 f"'{self._node.resolve_topic_name(PART_POSES_TOPIC)}', or give object_pose in "
                 "the request.",
                 ErrorCode.NO_POSE_ESTIMATE,

@@ -42,6 +42,7 @@ PLANNER_NAMES = (
 )
 
 
+NO_FLANGE = "0 0 0 0 0 0 1"
 POSE_TYPES = ("pose_stamped", "pose_with_covariance_stamped", "detection3d_array", "tf")
 
 
@@ -207,7 +208,7 @@ class NodeSettings(SettingsGroup):
         description="How long a request waits for a transform that is not there yet.",
     )
     palm_flange_pose: str = setting(
-        "0 0 0 0 0 0 1",
+        NO_FLANGE,
         description="Pose of the robot's flange in the palm's frame, x y z qx qy qz qw: "
         "flange_pose of a grasp is where that flange has to be.",
     )

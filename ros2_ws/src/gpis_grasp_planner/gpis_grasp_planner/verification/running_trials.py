@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -103,9 +103,13 @@ class RunningTrials:
         return sum(bool(tried.outcomes) for tried in self._tried.values())
 
     @property
-    def n_held(self) -> int:
-        """Those of them that held."""
-        return sum(bool(t.outcomes) and t.outcomes[0].passed for t in self._tried.values())
+    def held(self) -> list[Grasp]:
+        """Those of them that held, with their trials so far."""
+        return [
+            replace(tried.grasp, trials=Trials(tuple(tried.outcomes)))
+            for tried in self._tried.values()
+            if tried.outcomes and tried.outcomes[0].passed
+        ]
 
     def offer(self, grasps: Sequence[Grasp]) -> None:
         """Replace the list of grasps that wait, best first. Trials that run are not ended."""
