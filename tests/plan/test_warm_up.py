@@ -34,7 +34,7 @@ def test_one_planner_alone() -> None:
     said: list[str] = []
     assert warm_up(["random-adaption"], said.append) > 0
     steps = [line.split(":")[0] for line in said]
-    assert steps[-3:] == ["planner random-adaption", "confirmation", "placing"]
+    assert steps[-4:] == ["planner random-adaption", "confirmation", "placing", "trials"]
 
 
 def test_the_box_is_closed_and_faces_outwards() -> None:

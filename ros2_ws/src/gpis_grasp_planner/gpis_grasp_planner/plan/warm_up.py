@@ -22,7 +22,9 @@ from gpis_grasp_planner.compiled_cache import remove_stale_caches
 from gpis_grasp_planner.forked_child import answer_requests, share_out, usable_cores
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.geometry.ray_crossings import crossing_numbers, outward_votes
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.geometry.welding import merge_equal
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
@@ -47,6 +49,7 @@ from gpis_grasp_planner.surroundings.obstacles import (
     Surroundings,
 )
 from gpis_grasp_planner.surroundings.pregrasp import narrow_pregrasp
+from gpis_grasp_planner.surroundings.support_constraint import SupportConstraint
 from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
@@ -138,6 +141,7 @@ def warm_up(
     evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
     warm_up_placing(evaluator, part, tree, grasps[:2])
     say(f"placing: {time.monotonic() - began:.1f} s")
+    warm_up_judging(part, tree)
     began = time.monotonic()
     warm_up_trials(part, field, tree, grasps[:1])
     say(f"trials: {time.monotonic() - began:.1f} s")
@@ -173,6 +177,14 @@ def compile_group(group: str) -> None:
     surface.value(surface.points[:1])
     evaluator.tree.nearest(surface.points[:1])
     evaluator.clear_palm(poses, vectors, spread, spread)
+
+
+def warm_up_judging(part: Part, tree: TriangleTree) -> None:
+    """Weld and orient the part's faces, as when a file is read."""
+    faces = part.mesh.faces
+    merge_equal(part.mesh.vertices, faces.astype(np.int64))
+    crossing_numbers(tree, part.mesh.vertices[:1])
+    outward_votes(tree, np.zeros(len(faces), dtype=np.int64), 1)
 
 
 def warm_up_trials(
@@ -219,11 +231,16 @@ def warm_up_placing(
     hand = evaluator.hand
     aside = np.eye(4)
     aside[0, 3] = 0.5
+    support = SupportPlane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0]))
     around = Surroundings(
-        SupportPlane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])),
+        support,
         (BoxObstacle(aside, np.full(3, 0.1)), MeshObstacle(aside, part.mesh)),
     )
     settings = ClearanceSettings()
+    constraint = SupportConstraint(hand, support, settings.margin_m, 0.1)
+    constraint.allows(
+        np.stack([g.T_object_palm for g in grasps]), np.stack([g.pregrasp_joints for g in grasps])
+    )
     clear_grasps(hand, grasps, around, settings)
     narrow_pregrasp(hand, grasps, tree, settings.pregrasp_clearance_m)
     points = UncertaintySettings(method="unscented")
