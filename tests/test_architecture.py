@@ -51,8 +51,8 @@ OWNERS = {
     "matplotlib": ("view/",),
     **dict.fromkeys(
         ("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
-         "gpis_grasp_msgs", "rcl_interfaces", "sensor_msgs",
-         "std_msgs", "moveit_msgs", "tf2_msgs", "trajectory_msgs", "vision_msgs", "visualization_msgs"),
+         "gpis_grasp_msgs", "moveit_msgs", "rcl_interfaces", "sensor_msgs", "std_msgs",
+         "tf2_msgs", "trajectory_msgs", "vision_msgs", "visualization_msgs"),
         ("ros/",),
     ),
 }  # fmt: skip
