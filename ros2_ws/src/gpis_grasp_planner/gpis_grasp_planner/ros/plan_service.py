@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.node import Node
@@ -18,8 +20,53 @@ KNOWN_SERVICE = "get_grasps"
 CLIENTS_PERIOD_S = 1.0
 
 
+class ClientWatch:
+    """Cancels calls that nobody is left to hear the answers of.
+
+    The middleware does not say whose request one is, only how many clients there are, and it may
+    learn of a client later than of its request. So a call is cancelled where clients were seen
+    while it was in work, and then none in two looks.
+
+    Parameters
+    ----------
+    count_clients : callable
+        How many clients there are now.
+    """
+
+    def __init__(self, count_clients: Callable[[], int]) -> None:
+        self._count_clients = count_clients
+        self._lock = threading.Lock()
+        self._seen: dict[Call, bool] = {}
+        self._was_alone = False
+
+    @contextmanager
+    def watched(self, call: Call) -> Iterator[None]:
+        """Watch a call while it is in work."""
+        with self._lock:
+            self._seen[call] = False
+        try:
+            yield
+        finally:
+            with self._lock:
+                del self._seen[call]
+
+    def look(self) -> None:
+        """Count clients; for a timer."""
+        with self._lock:
+            if not self._seen:
+                self._was_alone = False
+                return
+            alone = self._count_clients() == 0
+            if not alone:
+                self._seen = dict.fromkeys(self._seen, True)
+            gone = [call for call, seen in self._seen.items() if seen and self._was_alone and alone]
+            self._was_alone = alone
+        for call in gone:
+            call.cancel("The client went away before its answer.")
+
+
 class PlanGraspService:
-    """Offers both; a request that nobody is left to hear the answer of is given up.
+    """Offers both services.
 
     Parameters
     ----------
@@ -30,14 +77,13 @@ class PlanGraspService:
     """
 
     def __init__(self, node: Node, answering: GraspAnswering, threads: ThreadPoolExecutor) -> None:
-        self._node = node
         self._answering = answering
-        self._lock = threading.Lock()
-        self._calls: set[Call] = set()
-        self._seen_alone = False
+        self._watch = ClientWatch(
+            lambda: node.count_clients(SERVICE) + node.count_clients(KNOWN_SERVICE)
+        )
         RequestReader(node, PlanGrasp, SERVICE, self._plan, threads)
         RequestReader(node, PlanGrasp, KNOWN_SERVICE, self._known, threads)
-        node.create_timer(CLIENTS_PERIOD_S, self._look_for_clients)
+        node.create_timer(CLIENTS_PERIOD_S, self._watch.look)
 
     def _plan(self, request: Any, response: Any) -> None:
         self._answer(request, response, SERVICE, only_known=False)
@@ -47,20 +93,5 @@ class PlanGraspService:
 
     def _answer(self, request: Any, response: Any, name: str, *, only_known: bool) -> None:
         call = Call()
-        with self._lock:
-            self._calls.add(call)
-        try:
+        with self._watch.watched(call):
             self._answering.answer(request, response, call, name, only_known=only_known)
-        finally:
-            with self._lock:
-                self._calls.discard(call)
-
-    def _look_for_clients(self) -> None:
-        # The middleware does not say whose request this is, only whether any client is left.
-        with self._lock:
-            calls = list(self._calls)
-        alone = bool(calls) and not any(map(self._node.count_clients, (SERVICE, KNOWN_SERVICE)))
-        if alone and self._seen_alone:
-            for call in calls:
-                call.cancel("The client went away before its answer.")
-        self._seen_alone = alone
