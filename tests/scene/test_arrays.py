@@ -126,13 +126,13 @@ def test_a_change_of_the_hands_files_or_the_code_is_another_file(
     kept, monkeypatch, tmp_path_factory
 ):
     hand = load_hand()
-    before = module._hand_key(hand)
+    before = module.hand_key(hand, "scene/arrays.py")
     models = tmp_path_factory.mktemp("models") / "hand"
     shutil.copytree(hand.urdf_path.parent, models)
     copy = replace(hand, urdf_path=models / hand.urdf_path.name)
-    assert module._hand_key(copy) == before
+    assert module.hand_key(copy, "scene/arrays.py") == before
     with next(models.rglob("*.yaml")).open("a") as file:
         file.write("# edited\n")
-    assert module._hand_key(copy) != before
+    assert module.hand_key(copy, "scene/arrays.py") != before
     monkeypatch.setattr(module, "code_version", lambda *_: "later")
-    assert module._hand_key(hand) != before
+    assert module.hand_key(hand, "scene/arrays.py") != before

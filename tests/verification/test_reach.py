@@ -12,7 +12,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.surface_points import surface_points
-from gpis_grasp_planner.verification.reach import Reach
+from gpis_grasp_planner.verification.reach import FAR, Allowance, Reach
 
 
 @pytest.mark.parametrize("distance", [0.004, 0.02])
@@ -20,7 +20,7 @@ def test_no_triangle_near_the_hand_is_missed(
     bar: Part, hand: HandDescription, firm: Grasp, distance: float
 ) -> None:
     near = Reach.of(hand, bar.mesh).faces(
-        firm.T_object_palm, firm.pregrasp_joints, firm.joints, distance
+        firm.T_object_palm, firm.pregrasp_joints, firm.joints, Allowance(distance, 0.0)
     )
     points = surface_points(hand)
     poses = firm.T_object_palm @ link_transforms(hand, firm.joints[None])[0]
@@ -38,6 +38,6 @@ def test_what_is_far_is_left_out(bar: Part, hand: HandDescription, firm: Grasp) 
     far = firm.T_object_palm.copy()
     far[0, 3] += 0.5
     reach = Reach.of(hand, bar.mesh)
-    assert not reach.faces(far, firm.pregrasp_joints, firm.joints, 0.02).any()
+    assert not reach.faces(far, firm.pregrasp_joints, firm.joints, FAR).any()
     tree = TriangleTree.of(bar.mesh)
     assert len(tree.triangles) == len(reach.middles)

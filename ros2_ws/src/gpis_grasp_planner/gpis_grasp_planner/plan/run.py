@@ -203,11 +203,6 @@ class PlanRun:
         self._owned.callback(trials.close)
         return trials
 
-    def _rest_s(self) -> float:
-        """What finishing and ranking will need after the search [s]."""
-        n = self._n_wanted
-        return self._finisher.time_for(n) + self._hold.time_for(n)
-
     def _search_on(self) -> None:
         """Step the search until the rest of the budget is needed for what comes after it.
 
@@ -226,7 +221,9 @@ class PlanRun:
                     trying = share * left
                     if self._trials is not None and limit is None:
                         trying = min(trying, self._try_beside(self._trials, trying))
-                    end = began + max(left - trying - self._rest_s(), _SEARCH_SHARE * left)
+                    n = self._n_wanted
+                    rest = self._finisher.time_for(n) + self._hold.time_for(n)
+                    end = began + max(left - trying - rest, _SEARCH_SHARE * left)
                 if stepped and now >= end:
                     break
                 if limit is not None and self._evaluator.n_attempts >= limit:

@@ -96,7 +96,7 @@ def hand_arrays(hand: HandDescription) -> HandArrays:
 
     The arrays are shared; do not write to them.
     """
-    name = f"hand-{hand.name}-{_hand_key(hand)}.arrays"
+    name = f"hand-{hand.name}-{hand_key(hand, 'scene/arrays.py')}.arrays"
     for content in contents(name):
         with contextlib.suppress(ValueError):  # damaged: made and written anew
             return _unpacked(unpack(bytearray(content)))
@@ -106,9 +106,9 @@ def hand_arrays(hand: HandDescription) -> HandArrays:
     return _unpacked(unpack(bytearray(content)))
 
 
-def _hand_key(hand: HandDescription) -> str:
-    """Hash of the hand's files and of the code that makes its arrays."""
-    digest = hashlib.sha256(code_version("geometry", "hand", "scene/arrays.py").encode())
+def hand_key(hand: HandDescription, *sources: str) -> str:
+    """Hash of the hand's files and of the code that makes something of them."""
+    digest = hashlib.sha256(code_version("geometry", "hand", *sources).encode())
     for path in sorted(p for p in hand.urdf_path.parent.rglob("*") if p.is_file()):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())

@@ -95,6 +95,10 @@ class ConvexCover:
         """Whether the whole surface is covered."""
         return bool(self._covered.all())
 
+    def covers(self, faces: NDArray[np.bool_]) -> bool:
+        """Whether some faces of the mesh (m,) are all covered."""
+        return bool(self._covered[faces[self._solid_faces]].all())
+
     def add(
         self,
         faces: NDArray[np.bool_] | None = None,

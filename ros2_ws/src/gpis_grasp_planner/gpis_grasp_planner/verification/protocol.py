@@ -30,7 +30,7 @@ from gpis_grasp_planner.verification.bullet.bodies import link_hulls
 from gpis_grasp_planner.verification.bullet.trial import TrialWorld
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
 from gpis_grasp_planner.verification.motion import PushWatch
-from gpis_grasp_planner.verification.reach import Reach
+from gpis_grasp_planner.verification.reach import FAR, NEAR, Allowance, Reach
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.start import StartFinder
@@ -41,10 +41,6 @@ DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
 _KEPT_PARTS = 4
 _PRESSES_N = 0.05
 _FARTHEST_BACK_M = 0.02
-# What a trial's hand may meet: a part may lie elsewhere, fingers then close farther, and a part
-# that holds slips by some millimetres. What slips farther has left the cover, and the hand.
-_REACH_M = 0.02
-_FARTHER_RAD = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +129,12 @@ class Verifier:
         depth = self._planned_depth(grasp)
         if depth > self.settings.penetration_limit_m:
             return self._verdict("penetration", start, penetration_m=depth)
-        return self._try(grasp.T_object_palm, grasp, depth, start)
+        verdict = self._try(grasp.T_object_palm, grasp, depth, start, NEAR)
+        if verdict.held and 1e-3 * verdict.largest_slip_mm < NEAR.distance_m:
+            return verdict
+        if self._covered_far(grasp.T_object_palm, grasp):
+            return verdict
+        return self._try(grasp.T_object_palm, grasp, depth, start, FAR)
 
     def verify_displaced(self, grasp: Grasp, T_displacement: Array) -> Verification:
         """Try a grasp on a part that lies elsewhere than was thought.
@@ -146,39 +147,48 @@ class Verifier:
         back = self._start.back_until_free(T, grasp.pregrasp_joints, _FARTHEST_BACK_M)
         if back is None:
             return self._verdict("collision", start)
-        return self._try(back, grasp, 0.0, start)
+        return self._try(back, grasp, 0.0, start, FAR)
 
-    def close_on(self, T_object_palm: Array, grasp: Grasp) -> bool:
+    def close_on(self, T_object_palm: Array, grasp: Grasp, allowance: Allowance = FAR) -> bool:
         """Place the hand and close it on the held part; whether it closed in time."""
         joints = self._start.start_joints(T_object_palm, grasp.pregrasp_joints)
-        self._cover(T_object_palm, joints, grasp.joints)
+        self._cover(T_object_palm, joints, grasp.joints, allowance)
         self.world.place(T_object_palm, joints)
         return self.world.close()
 
-    def _cover(self, T_object_palm: Array, start: Array, closed: Array) -> None:
+    def _cover(self, T_object_palm: Array, start: Array, closed: Array, allowed: Allowance) -> None:
         """Give the world's part all convex pieces that the hand may meet in this trial."""
-        cover, hand = self._prepared.cover, self.hand
+        cover = self._prepared.cover
         faces = None
         if not self.whole_cover:
-            end = np.array(closed)
-            for finger in hand.fingers:
-                end[[finger.inner_joint, finger.distal_joint]] += _FARTHER_RAD
-            end = np.minimum(np.maximum(start, end), hand.joint_upper)
-            faces = self._reach.faces(T_object_palm, start, end, _REACH_M)
+            faces = self._reach.faces(T_object_palm, start, closed, allowed)
         added = cover.add(faces)
         if not cover.pieces:  # a hand that reaches nothing still has a part beside it
             added = cover.add()
         if added or self.world.n_pieces != len(cover.pieces):
             self.world.take_pieces(cover.pieces)
 
+    def _covered_far(self, T_object_palm: Array, grasp: Grasp) -> bool:
+        """Whether a trial with the wide allowance would have no piece more."""
+        start = self._start.start_joints(T_object_palm, grasp.pregrasp_joints)
+        faces = self._reach.faces(T_object_palm, start, grasp.joints, FAR)
+        return self.whole_cover or self._prepared.cover.covers(faces)
+
     def _planned_depth(self, grasp: Grasp) -> float:
         self.scene.place_palm(grasp.T_object_palm)
         self.scene.set_joints(grasp.joints)
         return max(self.scene.penetration(link) for link in range(self.hand.n_links))
 
-    def _try(self, T_object_palm: Array, grasp: Grasp, depth: float, start: float) -> Verification:
+    def _try(
+        self,
+        T_object_palm: Array,
+        grasp: Grasp,
+        depth: float,
+        start: float,
+        allowance: Allowance,
+    ) -> Verification:
         world, settings = self.world, self.settings
-        if not self.close_on(T_object_palm, grasp):
+        if not self.close_on(T_object_palm, grasp, allowance):
             return self._verdict("not closed", start, penetration_m=depth)
         before = world.part_pose()
         world.release()

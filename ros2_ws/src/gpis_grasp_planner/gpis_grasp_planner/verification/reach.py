@@ -19,6 +19,29 @@ Array = NDArray[np.float64]
 _POSTURES = 6
 
 
+@dataclass(frozen=True)
+class Allowance:
+    """How much of a part a trial has to know about the place where the hand closes.
+
+    Attributes
+    ----------
+    distance_m : float [m]
+        From the hand's sweep.
+    farther_rad : float [rad]
+        Fingers may close farther than was planned.
+    """
+
+    distance_m: float
+    farther_rad: float
+
+
+# A part that lies where it was planned and holds moves by a few millimetres in the hand.
+NEAR = Allowance(0.006, 0.05)
+# One that lies elsewhere lets the fingers close farther; one that slips is followed until it has
+# left the hand.
+FAR = Allowance(0.02, 0.3)
+
+
 @dataclass(frozen=True, eq=False)
 class Reach:
     """Finds the triangles near the sweep of a closing hand.
@@ -48,14 +71,19 @@ class Reach:
         return cls(hand, surface_points(hand), middles, radii)
 
     def faces(
-        self, T_object_palm: Array, start: Array, end: Array, distance: float
+        self, T_object_palm: Array, start: Array, closed: Array, allowance: Allowance
     ) -> NDArray[np.bool_]:
-        """Triangles (m,) within a distance [m] of the hand between two postures (J,) [rad].
+        """Triangles (m,) that the hand may touch between two postures (J,) [rad].
 
-        No triangle within the distance of a sampled posture is missed; between samples a
-        fingertip moves by some 20 mm at most, so that the distance should be well above that half.
+        No triangle within the distance of a sampled posture is missed. Samples are near each other
+        towards the end, where the contacts are.
         """
-        way = start + np.linspace(0.0, 1.0, _POSTURES)[:, None] * (end - start)
+        distance = allowance.distance_m
+        end = np.array(closed, dtype=float)
+        for finger in self.hand.fingers:
+            end[[finger.inner_joint, finger.distal_joint]] += allowance.farther_rad
+        end = np.minimum(np.maximum(start, end), self.hand.joint_upper)
+        way = end + np.linspace(1.0, 0.0, _POSTURES)[:, None] ** 2 * (start - end)
         poses = link_transforms(self.hand, way)
         offsets = self.points.offsets
         swept = np.concatenate(

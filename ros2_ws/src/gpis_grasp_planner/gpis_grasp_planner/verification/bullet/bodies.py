@@ -9,6 +9,7 @@ are made 1 mm smaller: together they have the link's faces where they are, with 
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,11 +22,14 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from scipy.spatial.transform import Rotation
 
+from gpis_grasp_planner.compiled_cache import contents, write_kept
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.packed_arrays import pack, unpack
+from gpis_grasp_planner.scene.arrays import hand_key
 from gpis_grasp_planner.scene.bullet_world import BulletClient, hull_shape
 
 Array = NDArray[np.float64]
@@ -58,10 +62,26 @@ class HandBodies:
 
 @lru_cache(maxsize=4)
 def link_hulls(hand: HandDescription) -> tuple[tuple[Array, ...], ...]:
-    """Hull vertices (n, 3) per link and piece, inset by :data:`LINK_MARGIN_M`; 0.2 s, once."""
-    return tuple(
+    """Hull vertices (n, 3) per link and piece, inset by :data:`LINK_MARGIN_M`.
+
+    0.4 s, once per installation: they are kept beside the compiled code.
+    """
+    name = f"hulls-{hand_key(hand, 'verification/bullet/bodies.py')}.arrays"
+    names = [[f"{i} {k}" for k in range(len(p))] for i, p in enumerate(hand.link_collision)]
+    for content in contents(name):
+        with contextlib.suppress(ValueError, KeyError):
+            kept = unpack(bytearray(content))
+            return tuple(tuple(kept[piece] for piece in pieces) for pieces in names)
+    made = tuple(
         tuple(inset(piece, LINK_MARGIN_M) for piece in pieces) for pieces in hand.link_collision
     )
+    packed = {
+        piece: hull
+        for pieces, hulls in zip(names, made, strict=True)
+        for piece, hull in zip(pieces, hulls, strict=True)
+    }
+    write_kept(name, pack(packed))
+    return made
 
 
 def inset(piece: TriangleMesh, margin: float) -> Array:
