@@ -24,7 +24,8 @@ from gpis_grasp_planner.plan.kept_cover import KeptCover
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
-from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.plan.request import PlanRequest
+from gpis_grasp_planner.plan.result import make_result
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
@@ -43,6 +44,9 @@ from gpis_grasp_planner.verification.running_trials import (
 )
 
 _SECONDS_AFTER_CANCEL = 0.2
+# For the reserve and the ranking, once nothing is searched or tried any more.
+_SECONDS_TO_ANSWER = 0.15
+_ANSWER_SHARE = 0.1
 _SHORTEST_ROUND_S = 1.0
 _RESERVE_INTERVAL_S = 0.2
 _SEARCH_SHARE = 0.5
@@ -127,7 +131,7 @@ class PlanRun:
         self._finisher.add(known)
         while True:
             self._search_on()
-            deadline = None if self.request.max_evaluations else monitor.deadline
+            deadline = None if self.request.max_evaluations else self._deadline
             if monitor.cancelled:
                 deadline = monitor.now() + _SECONDS_AFTER_CANCEL
             with monitor.phase(Phase.PLACING):
@@ -143,6 +147,12 @@ class PlanRun:
             if trials.held or over or monitor.left_s < _SHORTEST_ROUND_S:
                 break
         return self._answer_of(grasps, deadline)
+
+    @property
+    def _deadline(self) -> float:
+        """When nothing further is begun, so that the answer itself is still in time."""
+        budget = self.monitor.time_budget_s
+        return self.monitor.deadline - min(_SECONDS_TO_ANSWER, _ANSWER_SHARE * budget)
 
     @property
     def blocked(self) -> Mapping[str, int]:
@@ -210,7 +220,8 @@ class PlanRun:
         that the preparation has used up still tries.
         """
         monitor, limit, archive = self.monitor, self.request.max_evaluations, self._archive
-        began, left = monitor.now(), monitor.left_s
+        began = monitor.now()
+        left = self._deadline - began
         share = self.settings.verification.budget_share if self._trials is not None else 0.0
         end, looked_at, offer_at, stepped = began, began, began, False
         with monitor.phase(Phase.SEARCHING):
@@ -295,7 +306,13 @@ class PlanRun:
             ordered, of_hold = self._hold.ranked(grasps, deadline, monitor)
         chosen = tuple(ordered[: request.n_grasps])
         reserve = self._reserve(chosen, grasps if tried is None else tried.ranked)
-        result = self._result(
+        result = make_result(
+            part,
+            self._context,
+            self.settings,
+            request,
+            self.place,
+            monitor,
             code,
             message
             or found_text(
@@ -309,6 +326,7 @@ class PlanRun:
             best_attempt,
             notes + of_hold,
             reserve,
+            tuple(self._convergence),
         )
         support = self.place.around().support
         return Answer(
@@ -359,40 +377,3 @@ class PlanRun:
         rest = [g for g in left_out if g.T_object_palm.tobytes() not in answered]
         further = choose_reserve(self._context, (*chosen, *rest))
         return replace(further, estimates=(*rest, *further.estimates))
-
-    def _result(
-        self,
-        code: ErrorCode,
-        message: str,
-        grasps: tuple[Grasp, ...],
-        best_attempt: Grasp | None,
-        notes: tuple[str, ...],
-        reserve: Reserve,
-    ) -> PlanResult:
-        part, hand, scene = self.part, self.hand, self.settings.scene
-        return PlanResult(
-            code=code,
-            message=message,
-            grasps=grasps,
-            best_attempt=best_attempt,
-            mesh_id=part.mesh_id,
-            mesh_hash=part.mesh.content_hash,
-            center_of_mass=part.center_of_mass,
-            torque_scale=part.max_radius,
-            mass=part.mass,
-            cone_edges=scene.cone_edges,
-            contact_threshold=scene.contact_threshold_m,
-            friction=self._friction,
-            hand=hand.name,
-            link_names=hand.link_names,
-            joint_names=hand.joint_names,
-            request=self.request,
-            settings=self.settings.as_dict(),
-            elapsed_s=self.monitor.elapsed_s,
-            evaluations=self._evaluator.n_attempts,
-            notes=part.notes + notes,
-            convergence=tuple(self._convergence),
-            place=self.place.as_mapping() if self.place else None,
-            reserve=reserve,
-            phase_s={str(phase): spent for phase, spent in self.monitor.phase_s.items()},
-        )

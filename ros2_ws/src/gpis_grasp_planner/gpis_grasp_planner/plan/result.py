@@ -1,0 +1,61 @@
+"""The record of a plan: its grasps, with all that is needed to recompute their figures."""
+
+from __future__ import annotations
+
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.plan.progress import Monitor
+from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.search.context import PlanningContext
+from gpis_grasp_planner.surroundings.place import Place
+
+
+def make_result(
+    part: Part,
+    context: PlanningContext,
+    settings: PlannerSettings,
+    request: PlanRequest,
+    place: Place,
+    monitor: Monitor,
+    code: ErrorCode,
+    message: str,
+    grasps: tuple[Grasp, ...],
+    best_attempt: Grasp | None,
+    notes: tuple[str, ...],
+    reserve: Reserve,
+    convergence: tuple[tuple[float, int, float], ...],
+) -> PlanResult:
+    """Put together what was asked, with what it was planned, and what came of it.
+
+    The fields are those of `PlanResult`; `notes` come after the part's own.
+    """
+    hand, scene = context.hand, settings.scene
+    return PlanResult(
+        code=code,
+        message=message,
+        grasps=grasps,
+        best_attempt=best_attempt,
+        mesh_id=part.mesh_id,
+        mesh_hash=part.mesh.content_hash,
+        center_of_mass=part.center_of_mass,
+        torque_scale=part.max_radius,
+        mass=part.mass,
+        cone_edges=scene.cone_edges,
+        contact_threshold=scene.contact_threshold_m,
+        friction=context.evaluator.friction,
+        hand=hand.name,
+        link_names=hand.link_names,
+        joint_names=hand.joint_names,
+        request=request,
+        settings=settings.as_dict(),
+        elapsed_s=monitor.elapsed_s,
+        evaluations=context.evaluator.n_attempts,
+        notes=part.notes + notes,
+        convergence=convergence,
+        place=place.as_mapping() if place else None,
+        reserve=reserve,
+        phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
+    )
