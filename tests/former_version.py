@@ -50,7 +50,8 @@ def main() -> None:
         }
         for grasp in answer.result.grasps
     ]
-    json.dump({"code": answer.result.code.name, "grasps": grasps}, sys.stdout)
+    result = answer.result
+    json.dump({"code": result.code.name, "message": result.message, "grasps": grasps}, sys.stdout)
 
 
 if __name__ == "__main__":

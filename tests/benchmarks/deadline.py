@@ -4,7 +4,7 @@
 
 Each case is answered in a process that is warm as the node is: cold (nothing known of the mesh,
 the cache off), then warm (the same planner again). Appends to `OUT/answers.jsonl`; what stands
-there is not made again. `OUT/report.md` is of all that stand there.
+there is not made again. `OUT/tables.md` is of all that stand there.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def report(rows):
 
 
 def main() -> None:
-    """Measure what is missing and write the report."""
+    """Measure what is missing and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -155,7 +155,7 @@ def main() -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     file = arguments.out / "answers.jsonl"
     measure(arguments, file)
-    (arguments.out / "report.md").write_text(report(read(file)))
+    (arguments.out / "tables.md").write_text(report(read(file)))
 
 
 if __name__ == "__main__":

@@ -209,7 +209,7 @@ def report(parts, processes, budget_s):
 
 
 def main() -> None:
-    """Measure what is missing and write the report."""
+    """Measure what is missing and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -227,7 +227,7 @@ def main() -> None:
     if not arguments.no_parts:
         measure_parts(arguments, parts)
     text = report(read(parts), read(processes), arguments.seconds)
-    (arguments.out / "report.md").write_text(text)
+    (arguments.out / "tables.md").write_text(text)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@
 Every part is put down in its most probable resting poses and planned for there. An independent
 collision library walks the hand's way against the plane, and the table lift tries the first grasp.
 A case that stands in `OUT/cases.jsonl` is not made again, so that a study can be ended and gone on
-with; `OUT/report.md` is of all that stand there. `--former` does the same cases by a former
+with; `OUT/tables.md` is of all that stand there. `--former` does the same cases by a former
 checkout's own way (a search in free space, then the grasps that are clear); the judges are ours.
 """
 
@@ -45,29 +45,32 @@ from gpis_grasp_planner.verification.settings import VerificationSettings  # noq
 from gpis_grasp_planner.verification.table_lift import verify_lift  # noqa: E402
 
 ROUNDING_M = 1e-6
+STEPS = (5, 12)  # of the approach and of the closing, at which coal looks
 FIELDS = ("T_object_palm", "joints", "pregrasp_joints", "approach_direction")
 
 
 def answer_now(planner, case, part):
-    """Code and grasps of this version."""
+    """Code, message, grasps and best attempt of this version."""
     up = np.array(case["up"])
     place = Place(surroundings=Surroundings(SupportPlane(up * case["height"], up)))
     request = PlanRequest(
         time_budget_s=case["budget_s"], seed=case["seed"], verification=case["verification"]
     )
     try:
-        answer = planner.answer(part, request, place)
+        result = planner.answer(part, request, place).result
     except GraspPlannerError as error:
-        return error.code.name, []
-    return answer.result.code.name, [
-        SimpleNamespace(
-            **{name: getattr(grasp, name) for name in FIELDS},
-            approach_distance=grasp.approach_distance,
-            epsilon=grasp.epsilon,
-            held=bool(grasp.trials is not None and grasp.trials.held),
-        )
-        for grasp in answer.result.grasps
-    ]
+        return error.code.name, str(error), [], None
+    return result.code.name, result.message, [seen(g) for g in result.grasps], result.best_attempt
+
+
+def seen(grasp):
+    """What is judged of a grasp."""
+    return SimpleNamespace(
+        **{name: getattr(grasp, name) for name in FIELDS},
+        approach_distance=grasp.approach_distance,
+        epsilon=grasp.epsilon,
+        held=bool(grasp.trials is not None and grasp.trials.held),
+    )
 
 
 def start_former(checkout, case, part, folder):
@@ -83,21 +86,21 @@ def start_former(checkout, case, part, folder):
 
 
 def answer_of_former(process):
-    """Code and grasps from its process."""
+    """Code, message and grasps from its process."""
     output, _ = process.communicate()
     if process.returncode:
-        return f"exit code {process.returncode}", []
+        return f"exit code {process.returncode}", "", [], None
     found = json.loads(output)
     arrays = [{**g, **{name: np.array(g[name]) for name in FIELDS}} for g in found["grasps"]]
-    return found["code"], [SimpleNamespace(**g) for g in arrays]
+    return found["code"], found["message"], [SimpleNamespace(**g) for g in arrays], None
 
 
-def judge(planner, referee, part, case, grasps):
+def judge(planner, referee, part, case, grasps, attempt):
     """What coal and the table lift say about an answer."""
     up = np.array(case["up"])
     table = coal.Halfspace(up, float(case["height"]))
     gaps = [
-        min(referee.distance(poses, table, np.eye(4)) for poses in referee.way(grasp))
+        min(referee.distance(poses, table, np.eye(4)) for poses in referee.way(grasp, *STEPS))
         for grasp in grasps
     ]
     clear = [g for g, gap in zip(grasps, gaps, strict=True) if gap >= -ROUNDING_M]
@@ -110,13 +113,13 @@ def judge(planner, referee, part, case, grasps):
         "first_epsilon": grasps[0].epsilon if grasps else 0.0,
         "lift": "no grasp",
     }
-    if grasps:
-        prepared = planner.prepare(part)
-        settings = VerificationSettings()
+    tried = grasps[0] if grasps else attempt
+    if tried is not None:
+        prepared, settings = planner.prepare(part), VerificationSettings()
         pieces = prepare(part, settings, prepared.field, prepared.tree)
         with Verifier(part, planner.hand, settings, pieces) as verifier:
-            lift = verify_lift(verifier, grasps[0], up)
-        row["lift"] = "held" if lift.held else lift.cause
+            lift = verify_lift(verifier, tried, up)
+        row["lift" if grasps else "attempt_lift"] = "held" if lift.held else lift.cause
     return row
 
 
@@ -180,8 +183,11 @@ def run(arguments, file):
             else:
                 answers = [answer_now(planner, batch[0], parts[0])]
             spent = time.monotonic() - start
-            for case, part, (code, grasps) in zip(batch, parts, answers, strict=True):
-                row = {**case, "code": code, **judge(planner, referee, part, case, grasps)}
+            for case, part, (code, message, grasps, attempt) in zip(
+                batch, parts, answers, strict=True
+            ):
+                row = {**case, "code": code, "message": message}
+                row |= judge(planner, referee, part, case, grasps, attempt)
                 row |= {"elapsed_s": round(spent, 3), "load": round(load, 2)}
                 with file.open("a") as stream:
                     stream.write(json.dumps(row) + "\n")
@@ -282,7 +288,9 @@ def failures(rows):
     for row in rows:
         what = []
         if row["code"] != "SUCCESS":
-            what.append(row["code"])
+            lift = row.get("attempt_lift")
+            attempt = f" The best attempt in the table lift: {lift}." if lift else ""
+            what.append(f"{row['code']}: {row.get('message', '')}{attempt}")
         if row["n_clear"] < row["n"]:
             what.append(f"{row['n'] - row['n_clear']} of {row['n']} grasps through the table")
         if row["n"] and row["verification"] != "none" and not row["first_tried_and_held"]:
@@ -297,7 +305,7 @@ def failures(rows):
 
 
 def main() -> None:
-    """Run what is left of the study and write its report."""
+    """Run what is left of the study and write its tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -316,7 +324,7 @@ def main() -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     file = arguments.out / "cases.jsonl"
     run(arguments, file)
-    (arguments.out / "report.md").write_text(report(read(file)))
+    (arguments.out / "tables.md").write_text(report(read(file)))
 
 
 if __name__ == "__main__":
