@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.placing import plan_at
 from gpis_grasp_planner.planner import GraspPlanner
 from gpis_grasp_planner.planning.obstacles import SupportPlane, Surroundings
@@ -28,7 +29,8 @@ def main() -> None:
     case = json.loads(Path(sys.argv[1]).read_text())
     mesh = TriangleMesh(np.array(case["vertices"]), np.array(case["faces"], dtype=np.int32))
     center = np.array(case["center_of_mass"])
-    part = Part(case["part"], mesh, center, case["mass"], case["volume"], True)
+    friction = Friction(*case["friction"]) if case["friction"] else None
+    part = Part(case["part"], mesh, center, case["mass"], case["volume"], True, friction)
     planner = GraspPlanner()
     warm = PlanRequest(time_budget_s=0.5, max_evaluations=50)
     planner.plan(part, warm)  # loads the compiled code
@@ -37,6 +39,7 @@ def main() -> None:
     request = PlanRequest(
         time_budget_s=case["budget_s"], seed=case["seed"], verification=case["verification"]
     )
+    start = time.monotonic()
     _, answer = plan_at(planner, part, request, place)
     grasps = [
         {
@@ -50,8 +53,10 @@ def main() -> None:
         }
         for grasp in answer.result.grasps
     ]
+    spent = time.monotonic() - start
     result = answer.result
-    json.dump({"code": result.code.name, "message": result.message, "grasps": grasps}, sys.stdout)
+    said = {"code": result.code.name, "message": result.message, "elapsed_s": round(spent, 3)}
+    json.dump({**said, "grasps": grasps}, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -77,7 +77,8 @@ def start_former(checkout, case, part, folder):
     """Begin a case with a former version, in a process of its own."""
     file = Path(folder) / f"{case['part']}-{case['pose']}.json"
     mesh = {"vertices": part.mesh.vertices.tolist(), "faces": part.mesh.faces.tolist()}
-    body = {"center_of_mass": part.center_of_mass.tolist(), "mass": part.mass}
+    friction = part.friction and [part.friction.finger, part.friction.palm]
+    body = {"friction": friction, "center_of_mass": part.center_of_mass.tolist(), "mass": part.mass}
     file.write_text(json.dumps({**case, **mesh, **body, "volume": part.volume}))
     source = checkout / "ros2_ws" / "src" / "gpis_grasp_planner"
     environment = {**os.environ, "PYTHONPATH": str(source)}
@@ -92,6 +93,7 @@ def answer_of_former(process):
         return f"exit code {process.returncode}", "", [], None
     found = json.loads(output)
     arrays = [{**g, **{name: np.array(g[name]) for name in FIELDS}} for g in found["grasps"]]
+    found["message"] += f" ({found['elapsed_s']:.1f} s of planning.)"
     return found["code"], found["message"], [SimpleNamespace(**g) for g in arrays], None
 
 
