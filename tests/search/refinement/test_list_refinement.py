@@ -84,7 +84,7 @@ def test_what_improves_is_refined_next(refine):
     # The farther along y the better: the next round starts from the best found so far.
     refinement, context, _ = refine(1, figures=lambda T, s: 0.3 + T[:, 1, 3], samples=20)
     best = context.archive.best_epsilon
-    for _ in range(25):
+    for _ in range(80):
         refinement.step()
         assert context.archive.best_epsilon >= best
         best = context.archive.best_epsilon

@@ -96,7 +96,7 @@ def test_fingers_only_close(box, make_context, random_states, rng):
 def test_approach_stops_at_contact_or_at_its_reach(box, make_context, random_states, rng, oracle):
     context = make_context(box)
     states = HandStates(context)
-    T, joints = states.hands(random_states(context, rng, 120))
+    T, joints = states.hands(random_states(context, rng, 480))
     legal = np.isfinite(context.evaluator.guided_potential(T, joints))
     T, joints = T[legal], joints[legal]
     moved, palm_touches = context.evaluator.approach(T, joints, 0.03)

@@ -61,8 +61,10 @@ class Domain(Protocol):
 def latin_hypercube(n: int, dim: int, rng: np.random.Generator) -> Array:
     """Points (n, dim) in the unit cube, each coordinate in another n-th of [0, 1].
 
-    The numbers of ``scipy.stats.qmc.LatinHypercube``, whose import takes half a second.
+    The numbers of ``scipy.stats.qmc.LatinHypercube``, whose import takes half a second; like it,
+    from a generator spawned by `rng`.
     """
+    [rng] = rng.spawn(1)
     within = rng.uniform(size=(n, dim))
     strata = np.tile(np.arange(1, n + 1), (dim, 1))
     for row in strata:

@@ -86,6 +86,7 @@ class PlanRun:
         self._prepared = prepared
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
+        self._scene: BulletEvaluator | None = None
         self._constraints = make_constraints(self.hand, request, place, settings)
         self._evaluator = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
@@ -188,10 +189,14 @@ class PlanRun:
         scene = self.settings.scene
         if not scene.confirm:
             return [True] * len(grasps)
-        with BulletEvaluator(
-            self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
-        ) as bullet:
-            seen = bullet.confirm(grasps)
+        if self._scene is None:  # made once: a large mesh takes its time to get into PyBullet
+            prepared = self._prepared
+            self._scene = self._owned.enter_context(
+                BulletEvaluator(
+                    self.hand, self.part, self._friction, scene, prepared.field, prepared.tree
+                )
+            )
+        seen = self._scene.confirm(grasps)
         return [
             look.contacts_confirmed and look.penetration_m <= scene.confirm_tolerance_m
             for look in seen
