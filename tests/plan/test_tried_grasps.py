@@ -49,7 +49,13 @@ def test_what_held_comes_first_what_failed_last_whatever_epsilon_says():
     assert tried.note == (
         "Tried in physics: 3 grasps, of which 2 held; 1 were not tried within the time budget."
     )
-    assert tried.why_none == "slipped 1" or "slipped" in tried.why_none
+
+
+def test_where_nothing_held_the_causes_are_counted():
+    tried = TriedGrasps.of(GRASPS, physics({0: [False], 200: [False]}), 0.1, 0.5)
+    assert tried.held == ()
+    assert tried.why_none == "slipped 2"
+    assert TriedGrasps.of(GRASPS, physics({}), 0.1, 0.5).why_none.startswith("none could be tried")
 
 
 def test_of_neighbours_the_one_that_held_is_kept():
