@@ -43,6 +43,7 @@ OWNERS = {
     "rclpy": ("ros/",),
     "pybullet": ("scene/bullet_world.py",),
     "pybullet_data": ("scene/bullet_world.py",),
+    "mujoco": ("verification/mujoco/",),
     "trimesh": ("geometry/parts/",),
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": ("geometry/parts/",),
@@ -129,7 +130,7 @@ def test_every_module_keeps_the_arrows() -> None:
 
 def test_the_page_names_every_folder_and_owner() -> None:
     page = (ROOT / "docs/architecture.md").read_text()
-    for name in FOLDERS | {"rclpy", "pybullet", "trimesh", "open3d"}:
+    for name in FOLDERS | {"rclpy", "pybullet", "mujoco", "trimesh", "open3d"}:
         assert name in page, f"docs/architecture.md does not mention {name}"
 
 

@@ -48,6 +48,7 @@ setup(
         "scipy",
         "trimesh",  # mesh files
     ],
+    extras_require={"mujoco": ["mujoco"]},  # verification.engine
     entry_points={
         "console_scripts": [
             f"grasp_planner_node = {NAME}.ros.node:main",

@@ -21,9 +21,9 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.verification.bullet.bodies import link_hulls
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
+from gpis_grasp_planner.verification.engines import load
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -89,7 +89,7 @@ class RunningTrials:
         clock: Callable[[], float] = time.monotonic,
     ):
         self._settings, self._cases, self._clock = settings, cases, clock
-        link_hulls(hand)  # here, so that no child needs to
+        load(settings.engine, hand)  # here, so that no child needs to
         self._serve = partial(_serve, part, hand, prepared, cases, on_complete)
         self._tried: dict[bytes, _Tried] = {}
         self._offered: list[_Tried] = []

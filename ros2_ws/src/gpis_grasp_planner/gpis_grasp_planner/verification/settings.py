@@ -6,11 +6,19 @@ from dataclasses import dataclass
 
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
+ENGINE_NAMES = ("bullet", "mujoco", "both")
+
 
 @dataclass(frozen=True)
 class VerificationSettings(SettingsGroup):
     """The strict protocol; the physics' figures were chosen by the study in the documentation."""
 
+    engine: str = setting(
+        "bullet",
+        choices=ENGINE_NAMES,
+        description="Physics engine of the trials; with both a grasp has to hold in each.",
+        common=True,
+    )
     friction: float = setting(
         0.6,
         low=0.0,

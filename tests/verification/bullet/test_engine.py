@@ -1,4 +1,4 @@
-"""The world of a trial: how much solving a light part takes."""
+"""Bullet as an engine: how much solving a light part takes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.verification.bullet.trial import iterations
+from gpis_grasp_planner.verification.bullet.engine import iterations
 from gpis_grasp_planner.verification.protocol import Verifier
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
