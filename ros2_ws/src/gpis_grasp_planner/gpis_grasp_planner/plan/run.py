@@ -12,6 +12,7 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.balanced_evaluator import BalancedEvaluator
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
@@ -28,6 +29,7 @@ from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
+from gpis_grasp_planner.quality.closing_balance import ClosingBalance
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -88,6 +90,7 @@ class PlanRun:
         self._owned = ExitStack()
         self._scene: BulletEvaluator | None = None
         self._constraints = make_constraints(self.hand, request, place, settings)
+        self._constrained: ConstrainedEvaluator | None = None
         self._evaluator = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
         self._context = PlanningContext(
@@ -158,21 +161,19 @@ class PlanRun:
     @property
     def blocked(self) -> Mapping[str, int]:
         """Attempts with force closure that a constraint forbade, by cause."""
-        evaluator = self._evaluator
-        return evaluator.blocked if isinstance(evaluator, ConstrainedEvaluator) else {}
+        return {} if self._constrained is None else self._constrained.blocked
 
     @property
     def screened(self) -> Mapping[str, int]:
         """Hands that a constraint did not let close, by its name."""
-        evaluator = self._evaluator
-        return evaluator.screened if isinstance(evaluator, ConstrainedEvaluator) else {}
+        return {} if self._constrained is None else self._constrained.screened
 
     @property
     def _n_wanted(self) -> int:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
 
-    def _make_evaluator(self) -> CompiledEvaluator | BulletEvaluator | ConstrainedEvaluator:
+    def _make_evaluator(self) -> BulletEvaluator | ConstrainedEvaluator | BalancedEvaluator:
         scene = self.settings.scene
         arguments = (
             self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
@@ -180,9 +181,22 @@ class PlanRun:
         if scene.search_evaluator == "bullet":
             return self._owned.enter_context(BulletEvaluator(*arguments))
         compiled = CompiledEvaluator(*arguments)
-        if not self._constraints:
-            return compiled
-        return ConstrainedEvaluator(compiled, self.hand, self._constraints, scene.retreat_m)
+        self._constrained = ConstrainedEvaluator(
+            compiled, self.hand, self._constraints, scene.retreat_m
+        )
+        share, trial = self.settings.hpp.balance_friction_share, self.settings.verification
+        if share == 0.0:
+            return self._constrained
+        balance = ClosingBalance(
+            self.hand,
+            self.part.center_of_mass,
+            self.part.max_radius,
+            share,
+            trial.tip_force_n,
+            trial.holding_force_n,
+            trial.mass_kg * trial.acceleration_m_s2,
+        )
+        return BalancedEvaluator(self._constrained, balance)
 
     def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
         """Which grasps PyBullet's scene agrees with."""

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-import numpy as np
-
 from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.quality.closing_balance import tip_arms
 from gpis_grasp_planner.verification.engine import Engine
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -21,7 +20,6 @@ _STALLED = 0.1
 _STALL_TIME_S = 1.0 / 50.0
 _COUPLING_GAIN = 20.0
 _BACK_DRIVEN_RAD = 1e-3
-_TIP_ARM_M = 0.0509  # fingertip from the distal joint: hypot(50, 9.5) mm
 
 
 class Phase(IntEnum):
@@ -49,12 +47,11 @@ class FingerDrive:
         self.speed = settings.closing_speed_rad_s
         self.inner_upper = float(hand.joint_upper[finger.inner_joint])
         self.distal_upper = float(hand.joint_upper[finger.distal_joint])
-        tip = hand.T_parent_joint[finger.distal_link] @ [0.05, 0.0095, 0.0, 1.0]
-        inner_arm = float(np.linalg.norm(tip[:3]))
-        self.tip_torque = (settings.tip_force_n * inner_arm, settings.tip_force_n * _TIP_ARM_M)
+        inner_arm, distal_arm = tip_arms(hand, hand.fingers.index(finger))
+        self.tip_torque = (settings.tip_force_n * inner_arm, settings.tip_force_n * distal_arm)
         self.hold_torque = (
             settings.holding_force_n * inner_arm,
-            settings.holding_force_n * _TIP_ARM_M,
+            settings.holding_force_n * distal_arm,
         )
         self.breakaway_torque = min(hand.drive.breakaway_torque, self.tip_torque[0])
         self.phase = Phase.CLOSING

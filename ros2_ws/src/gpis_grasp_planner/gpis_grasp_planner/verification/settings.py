@@ -109,9 +109,17 @@ class VerificationSettings(SettingsGroup):
         description="Share of the time left after the preparation that is for the trials alone; "
         "before that they run beside the search.",
     )
-    rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
+    rate_hz: float = setting(
+        480.0, low=60.0, high=10000.0, description="Bullet's time steps per second."
+    )
     solver_iterations: int = setting(
-        50, low=5, high=1000, description="Iterations of the contact solver in a step, for 0.1 kg."
+        400,
+        low=5,
+        high=4000,
+        description="Iterations of Bullet's contact solver in a step, for 0.1 kg.",
+    )
+    mujoco_rate_hz: float = setting(
+        960.0, low=60.0, high=10000.0, description="MuJoCo's time steps per second."
     )
     cover_tolerance_m: float = setting(
         2e-4, low=2e-5, high=2e-3, description="How far convex pieces may stand out of the object."

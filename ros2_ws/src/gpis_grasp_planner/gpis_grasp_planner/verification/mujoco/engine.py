@@ -49,7 +49,7 @@ class MujocoEngine:
     def __init__(self, hand: HandDescription, part: Part, settings: VerificationSettings):
         self.hand, self.part, self.settings = hand, part, settings
         self.n_pieces = 0
-        self.step_s = 1.0 / settings.rate_hz
+        self.step_s = 1.0 / settings.mujoco_rate_hz
         self._moments, axes = inertia_of(part)
         self._T_part_body = transform(axes, part.center_of_mass)
         self._moving = [
