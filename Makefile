@@ -46,7 +46,7 @@ format: setup  ## Format the sources and mend what ruff can mend
 
 benchmark: setup  ## List the benchmarks, with the command of each
 	@echo "Planners on many objects and seeds, with tables, plots and a report:"
-	@echo "  .venv/bin/gpis-grasp benchmark --help"
+	@echo "  .venv/bin/gpis-grasp-benchmark --help"
 	@echo "Parts of the planner and the node, each a program of its own (--help lists its options):"
 	@for file in tests/benchmarks/*.py; do \
 		[ -e "$$file" ] || continue; \
@@ -54,11 +54,12 @@ benchmark: setup  ## List the benchmarks, with the command of each
 		sed -n '1s/^"""/      /p' "$$file" | tr -d '"'; \
 	done
 
-lock: setup  ## Resolve the dependencies anew (setup.py, requirements/*.in)
+lock: setup  ## Resolve the dependencies anew (setup.py, benchmark/pyproject.toml, requirements/*.in)
 	@$(LOCKED) --upgrade -o requirements/installer.lock requirements/installer.in
 	@$(LOCKED) --upgrade -o requirements/requirements.lock \
-		ros2_ws/src/gpis_grasp_planner/setup.py requirements/ros.in requirements/development.in
+		--no-emit-package gpis-grasp-planner ros2_ws/src/gpis_grasp_planner/setup.py \
+		benchmark/pyproject.toml requirements/ros.in requirements/development.in
 
 clean:  ## Remove everything that the other targets made, the virtual environment included
 	rm -rf .venv ros2_ws/{build,install,log} out .pytest_cache .ruff_cache .mypy_cache .hypothesis
-	find ros2_ws/src tests scripts \( -name __pycache__ -o -name '*.egg-info' \) -prune -exec rm -rf {} +
+	find ros2_ws/src benchmark tests scripts \( -name __pycache__ -o -name '*.egg-info' \) -prune -exec rm -rf {} +

@@ -97,7 +97,7 @@ workspace() {
 
 console_scripts() {
     "$venv/bin/uv" pip install -q --python "$venv/bin/python" --offline --no-deps \
-        --no-build-isolation -e "$planner"
+        --no-build-isolation -e "$planner" -e ./benchmark
 }
 
 warm_up() {
@@ -109,7 +109,7 @@ stage virtual_environment "$(key scripts/system_packages.sh)" virtual_environmen
 stage dependencies "$(key requirements/*.lock)" dependencies
 stage workspace "$(key requirements/*.lock ros2_ws/src/*msgs ros2_ws/stand_ins "$planner"/{setup.*,package.xml,resource} \
     "$planner"/gpis_grasp_planner/hand/models)" workspace
-stage console_scripts "$(key requirements/*.lock "$planner"/setup.*)" console_scripts
+stage console_scripts "$(key requirements/*.lock "$planner"/setup.* benchmark/pyproject.toml)" console_scripts
 # Compiled functions are kept in a folder for this very state of the sources.
 compiled_sources() {
     PYTHONPATH=$planner "$venv/bin/python" -c \

@@ -3,13 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
 
-from gpis_grasp_planner.benchmark.runs import Run
+from gpis_grasp_benchmark.command import main
+from gpis_grasp_benchmark.runs import Run
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.plan.settings import PlannerSettings
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the command answered."""
+
+    code: int
+    err: str
+
+
+@pytest.fixture
+def benchmark(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+    """Return a function that runs the command with arguments."""
+
+    def call(*arguments: object) -> Answer:
+        capsys.readouterr()
+        code = main([str(a) for a in arguments])
+        return Answer(code, capsys.readouterr().err)
+
+    return call
 
 
 @pytest.fixture

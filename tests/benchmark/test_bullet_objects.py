@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.benchmark.bullet_objects import (
+from gpis_grasp_benchmark.bullet_objects import (
     HOUSEHOLD_SET,
     LONGEST_SIDE_M,
     RANDOM_SET,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gpis_grasp_planner.benchmark.execution import run_all
-from gpis_grasp_planner.benchmark.store import RunStore
+from gpis_grasp_benchmark.execution import run_all
+from gpis_grasp_benchmark.store import RunStore
 from gpis_grasp_planner.errors import SystemFault
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.benchmark.objects import load_objects, read_facts
+from gpis_grasp_benchmark.objects import load_objects, read_facts
 from gpis_grasp_planner.errors import GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.benchmark.ranking_runs import noise_covariance
+from gpis_grasp_benchmark.ranking_runs import noise_covariance
 from gpis_grasp_planner.plan.warm_up import box_part
 from gpis_grasp_planner.verification.pose_noise import displacements
 from gpis_grasp_planner.verification.settings import VerificationSettings

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.benchmark.reference import (
+from gpis_grasp_benchmark.reference import (
     beside,
     is_original,
     object_facts,

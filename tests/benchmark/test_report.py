@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from gpis_grasp_planner.benchmark.report import Illustrations, report
+from gpis_grasp_benchmark.report import Illustrations, report
 
 ORIGINAL_MUG = [0.1335, 0.1, 0.1047]
 
@@ -32,7 +32,7 @@ def records(make_record) -> list[dict]:
 
 
 def test_mean_of_the_best_with_ratios_and_the_figures_of_others(records: list[dict]) -> None:
-    text = report(records, "gpis-grasp benchmark")
+    text = report(records, "gpis-grasp-benchmark")
     heads, hpp, eigen, by_chance = rows(text, "Mean of the 20 best")
     assert heads[-1] == "measured in another simulator: eps / vol"
     column = heads.index("eps / eigengrasp's")
@@ -82,8 +82,8 @@ def test_other_objects_of_the_same_name_stand_beside_nothing(make_record) -> Non
 
 
 def test_how_it_was_made_is_said(records: list[dict]) -> None:
-    text = report(records, "gpis-grasp benchmark --seeds 2")
-    assert "    gpis-grasp benchmark --seeds 2" in text
+    text = report(records, "gpis-grasp-benchmark --seeds 2")
+    assert "    gpis-grasp-benchmark --seeds 2" in text
     assert "6 runs: 1 objects, planners hpp, eigengrasp, random, seeds 0, 1; 20.0 s per run" in text
     assert "mug 0.3 / 0.2" in text
     assert records[0]["settings_hash"] in text

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.benchmark.runs import MOST_SECONDS, environment, execute, object_hash
+from gpis_grasp_benchmark.runs import MOST_SECONDS, environment, execute, object_hash
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.plan.settings import PlannerSettings

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.benchmark.shares import MeanInterval, Share, mcnemar
+from gpis_grasp_benchmark.shares import MeanInterval, Share, mcnemar
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from gpis_grasp_planner.benchmark.runs import execute, object_hash
-from gpis_grasp_planner.benchmark.single_run import RunProcesses
+from gpis_grasp_benchmark.runs import execute, object_hash
+from gpis_grasp_benchmark.single_run import RunProcesses
 from gpis_grasp_planner.errors import SystemFault
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Part

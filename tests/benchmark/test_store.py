@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gpis_grasp_planner.benchmark.store import RunStore
+from gpis_grasp_benchmark.store import RunStore
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gpis_grasp_planner.benchmark.study_objects import SHIPPED, collect
+from gpis_grasp_benchmark.study_objects import SHIPPED, collect
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from gpis_grasp_planner.benchmark.bullet_objects import Refusal
-from gpis_grasp_planner.benchmark.ranking_report import (
+from gpis_grasp_benchmark.bullet_objects import Refusal
+from gpis_grasp_benchmark.ranking_report import (
     BEST,
     EPSILON,
     TRIALS,
@@ -19,16 +19,16 @@ from gpis_grasp_planner.benchmark.ranking_report import (
     ranking_report,
     write_ranking_tables,
 )
-from gpis_grasp_planner.benchmark.runs import Run
-from gpis_grasp_planner.benchmark.strict_tests import LIFT, NOISE, NOMINAL, TESTS
-from gpis_grasp_planner.benchmark.study_outcomes import (
+from gpis_grasp_benchmark.runs import Run
+from gpis_grasp_benchmark.strict_tests import LIFT, NOISE, NOMINAL, TESTS
+from gpis_grasp_benchmark.study_outcomes import (
     NOT_PLANNABLE,
     REFUSED,
     outcomes,
     write_tables,
 )
-from gpis_grasp_planner.benchmark.study_report import study_report
-from gpis_grasp_planner.benchmark.study_runs import StudyRun
+from gpis_grasp_benchmark.study_report import study_report
+from gpis_grasp_benchmark.study_runs import StudyRun
 
 ENVIRONMENT = dict.fromkeys(("source", "cpu", "python", "numpy", "scipy", "numba"), "x")
 
@@ -99,7 +99,7 @@ def test_verdicts_and_causes(records: list[dict[str, Any]]) -> None:
 
 
 def test_the_report_counts_every_object(records: list[dict[str, Any]]) -> None:
-    text = study_report(records, REFUSALS, "gpis-grasp benchmark", missing=["late"])
+    text = study_report(records, REFUSALS, "gpis-grasp-benchmark", missing=["late"])
     graspable, everything = text.split("## Of all objects")
     assert "| all | 3 | 1/3 = 33.3 %" in graspable
     assert "| all | 4 | 1/4 = 25.0 %" in everything
@@ -157,7 +157,7 @@ def test_orders_and_what_they_gain(make_run: Callable[..., Run], tmp_path: Path)
         TRIALS: [1, 2, 0],
         BEST: [1, 2, 0],
     }
-    text = ranking_report([*records, ranked(make_run, "none", [])], "gpis-grasp benchmark")
+    text = ranking_report([*records, ranked(make_run, "none", [])], "gpis-grasp-benchmark")
     assert "**Without a grasp, and not counted**: none." in text
     assert "| epsilon and volume | 50.0 % [20.0, 80.0] |" in text
     assert "| probability: as set | 85.0 % [80.0, 90.0] | 35.0 % [0.0, 70.0] |" in text

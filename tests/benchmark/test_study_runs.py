@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import pytest
 
-from gpis_grasp_planner.benchmark.ranking_runs import MODELS, RankingRun
-from gpis_grasp_planner.benchmark.runs import Run, object_hash
-from gpis_grasp_planner.benchmark.strict_tests import NOISE, NOMINAL, TESTS, volume_mass
-from gpis_grasp_planner.benchmark.study_runs import StudyRun
+from gpis_grasp_benchmark.ranking_runs import MODELS, RankingRun
+from gpis_grasp_benchmark.runs import Run, object_hash
+from gpis_grasp_benchmark.strict_tests import NOISE, NOMINAL, TESTS, volume_mass
+from gpis_grasp_benchmark.study_runs import StudyRun
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.warm_up import box_part

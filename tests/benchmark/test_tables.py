@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gpis_grasp_planner.benchmark.tables import (
+from gpis_grasp_benchmark.tables import (
     Estimate,
     best,
     best_epsilon_at,

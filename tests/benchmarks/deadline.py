@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fresh_child import in_fresh_child
 from resting_poses import resting_poses
 
-from gpis_grasp_planner.benchmark.shares import Share
+from gpis_grasp_benchmark.shares import Share
 from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.geometry.catalogue import (
     MeshCatalogue,

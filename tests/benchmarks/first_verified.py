@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fresh_child import in_fresh_child
 
-from gpis_grasp_planner.benchmark.shares import Share
-from gpis_grasp_planner.benchmark.study_objects import collect
+from gpis_grasp_benchmark.shares import Share
+from gpis_grasp_benchmark.study_objects import collect
 from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor

@@ -32,8 +32,8 @@ sys.path.insert(0, str(TESTS))
 from planning_fixtures import CoalReferee  # noqa: E402
 from resting_poses import resting_poses  # noqa: E402
 
-from gpis_grasp_planner.benchmark.shares import MeanInterval, Share  # noqa: E402
-from gpis_grasp_planner.benchmark.study_objects import collect  # noqa: E402
+from gpis_grasp_benchmark.shares import MeanInterval, Share  # noqa: E402
+from gpis_grasp_benchmark.study_objects import collect  # noqa: E402
 from gpis_grasp_planner.errors import GraspPlannerError  # noqa: E402
 from gpis_grasp_planner.plan.planner import GraspPlanner  # noqa: E402
 from gpis_grasp_planner.plan.request import PlanRequest  # noqa: E402

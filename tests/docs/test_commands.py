@@ -1,4 +1,4 @@
-"""Every `gpis-grasp` command that README and docs print is one that the parser takes."""
+"""Every command of ours that README and docs print is one that its parser takes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gpis_grasp_benchmark.command import parser as benchmark_parser
 from gpis_grasp_planner.cli.main import parser
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,7 +20,9 @@ def commands() -> list[tuple[str, str]]:
     found = []
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")
-        lines = re.findall(r"^(?: {4}|\$ )?(gpis-grasp [a-z-].*)$", text, flags=re.MULTILINE)
+        lines = re.findall(
+            r"^(?: {4}|\$ )?(gpis-grasp(?:-benchmark)? [a-z-].*)$", text, flags=re.MULTILINE
+        )
         found += [(page.name, line) for line in lines]
     return found
 
@@ -30,8 +33,11 @@ def test_there_are_some() -> None:
 
 @pytest.mark.parametrize(("page", "command"), commands())
 def test_the_parser_takes_it(page: str, command: str) -> None:
-    words = shlex.split(command.partition("|")[0], comments=True)[1:]
+    program, *words = shlex.split(command.partition("|")[0], comments=True)
     if "--help" in words:
         words.remove("--help")
+    if program == "gpis-grasp-benchmark":
+        benchmark_parser().parse_args(words)
+        return
     arguments = parser().parse_args(words)  # SystemExit for what it does not take
     assert arguments.command == words[0], page

@@ -64,7 +64,8 @@ def test_a_kept_state_comes_back_as_it_was(
             world.run(0.05, np.array([15.0, 0.0, 0.0]))
             ways.append(world.part_pose())
         world.forget(saved)
-    assert ways[1] == pytest.approx(ways[0], abs=1e-7)
+    # Bullet keeps its state in single precision in part
+    assert ways[1] == pytest.approx(ways[0], abs=1e-6)
 
 
 def test_the_part_has_its_inertia(

@@ -17,11 +17,12 @@ from gpis_grasp_planner.verification.settings import VerificationSettings
 def test_both_are_all_engines() -> None:
     assert engines.engine_names("both") == ("bullet", "mujoco")
     assert engines.engine_names("mujoco") == ("mujoco",)
+    assert engines.engine_names("auto") == ("mujoco",)
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
-    assert engines.engine_names("bullet") == ("bullet",)
+    assert engines.engine_names("bullet") == engines.engine_names("auto") == ("bullet",)
     with pytest.raises(RequestError, match="pip install mujoco") as caught:
         engines.engine_names("both")
     assert caught.value.code is ErrorCode.INVALID_SETTING

@@ -32,11 +32,10 @@ setup(
     # The one list of what the planner needs; `make lock` pins it. ROS packages are in package.xml.
     install_requires=[
         "argcomplete",  # shell completion of gpis-grasp
-        "cascadio",  # STEP files for trimesh
+        "cascadio",  # STEP files
         "coacd",  # convex decomposition
         "coal",  # exact distance and collision
         "fast-simplification",  # large meshes
-        "manifold3d",  # solids of the shipped parts
         "matplotlib",
         "numba",  # inner loop of the search
         "numpy",
@@ -46,7 +45,6 @@ setup(
         "PyYAML",
         "rich",
         "scipy",
-        "trimesh",  # mesh files
     ],
     extras_require={"mujoco": ["mujoco"]},  # verification.engine
     entry_points={

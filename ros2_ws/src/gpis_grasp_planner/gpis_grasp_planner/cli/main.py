@@ -14,7 +14,6 @@ from collections.abc import Sequence
 
 from gpis_grasp_planner import __version__
 from gpis_grasp_planner.cli import (
-    benchmark,
     cache,
     completion,
     hand,
@@ -36,7 +35,6 @@ COMMANDS = {
     "hand": hand,
     "settings": settings,
     "cache": cache,
-    "benchmark": benchmark,
     "completion": completion,
 }
 _FIRST_STEPS = """\
@@ -75,8 +73,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Errors are one line on stderr; with --debug after their traceback.
     """
+    return run_command(parser(), argv)
+
+
+def run_command(reader: argparse.ArgumentParser, argv: Sequence[str] | None = None) -> int:
+    """Parse, run what the parser's `run` says, and turn its errors into lines and exit codes."""
     words = list(sys.argv[1:] if argv is None else argv)
-    reader = parser()
     completion.complete(reader)
     arguments = reader.parse_args(words)
     arguments.words = words  # for reports that say how they were made
@@ -88,12 +90,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ERROR
     except KeyboardInterrupt:
-        print("gpis-grasp: interrupted", file=sys.stderr)
+        print(f"{reader.prog}: interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
         if getattr(arguments, "debug", False):
             traceback.print_exc()
-        print(f"gpis-grasp: error: {_said(error)}", file=sys.stderr)
+        print(f"{reader.prog}: error: {_said(error)}", file=sys.stderr)
         return ERROR
     return code
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.settings import SettingInfo, SettingsGroup
 
 CATALOGUE_GROUP = "catalogue"
-ORIGINAL = "graspit"
 
 
 def add_catalogue(parser: argparse.ArgumentParser) -> None:
@@ -210,15 +209,6 @@ def catalogue_of(
     from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 
     return MeshCatalogue(directories or [default_catalogue_directory()], settings)
-
-
-def facts_of(source: str | None) -> dict[str, dict[str, Any]] | None:
-    """Facts of --facts: a YAML file, or 'graspit' for the original simulator's objects."""
-    from gpis_grasp_planner.benchmark import objects, reference
-
-    if source is None:
-        return None
-    return reference.object_facts() if source == ORIGINAL else objects.read_facts(Path(source))
 
 
 def find_part(

@@ -27,16 +27,13 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.plan.document import MeshSource
     from gpis_grasp_planner.plan.request import PlanResult
 
-# The names of search.searches.PLANNERS, which loads the planner.
+# The names of search.searches.PLANNERS, which loads the planner; other distributions have more.
 PLANNERS = (
     "dual",
     "hpp",
     "paper",
     "random",
     "random-adaption",
-    "annealing",
-    "eigengrasp",
-    "eigengrasp-two-level",
 )
 EXAMPLES = """\
 examples:
@@ -80,7 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--planner",
         default="dual",
         metavar="NAME",
-        help=f"{', '.join(PLANNERS)}; default: dual",
+        help=f"{', '.join(PLANNERS)}, or one of an installed distribution such as "
+        "gpis-grasp-benchmark; default: dual",
     )
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)

@@ -149,7 +149,7 @@ class GraspEvaluator(Protocol):
 
 @runtime_checkable
 class PostureEvaluator(GraspEvaluator, Protocol):
-    """An evaluator that also takes whole postures: ADMM-CP-Opt and the rivals need it."""
+    """An evaluator that also takes whole postures: ADMM-CP-Opt and rivals need it."""
 
     @property
     def n_states(self) -> int:

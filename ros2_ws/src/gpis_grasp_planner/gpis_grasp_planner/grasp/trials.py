@@ -19,7 +19,7 @@ class TrialOutcome:
     Attributes
     ----------
     name : str
-        What was tried, such as "strict, friction 0.6, 0.1 kg".
+        What was tried and where, such as "friction 0.6, 0.1 kg, mujoco".
     passed : bool
     cause : str
         Why it failed; empty where it passed.

@@ -45,7 +45,7 @@ _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
         "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
-        "hold_probability", "lift_direction",
+        "hold_probability", "lift_direction", "imbalance",
     )
 )  # fmt: skip
 
@@ -246,6 +246,7 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         trials=grasp["trials"].optional(_trials),
         hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
         lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
+        imbalance=grasp["imbalance"].optional(lambda node: node.number(low=0.0)),
     )
 
 

@@ -12,12 +12,13 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.grasp.balanced_evaluator import BalancedEvaluator
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
+from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
+from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
@@ -29,7 +30,6 @@ from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
-from gpis_grasp_planner.quality.closing_balance import ClosingBalance
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -173,7 +173,7 @@ class PlanRun:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
 
-    def _make_evaluator(self) -> BulletEvaluator | ConstrainedEvaluator | BalancedEvaluator:
+    def _make_evaluator(self) -> GraspEvaluator:
         scene = self.settings.scene
         arguments = (
             self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
@@ -184,19 +184,7 @@ class PlanRun:
         self._constrained = ConstrainedEvaluator(
             compiled, self.hand, self._constraints, scene.retreat_m
         )
-        share, trial = self.settings.hpp.balance_friction_share, self.settings.verification
-        if share == 0.0:
-            return self._constrained
-        balance = ClosingBalance(
-            self.hand,
-            self.part.center_of_mass,
-            self.part.max_radius,
-            share,
-            trial.tip_force_n,
-            trial.holding_force_n,
-            trial.mass_kg * trial.acceleration_m_s2,
-        )
-        return BalancedEvaluator(self._constrained, balance)
+        return with_balance(self._constrained, self.hand, self.part, self.settings)
 
     def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
         """Which grasps PyBullet's scene agrees with."""

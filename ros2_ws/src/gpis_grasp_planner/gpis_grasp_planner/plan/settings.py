@@ -9,7 +9,6 @@ from typing import Any
 from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
-from gpis_grasp_planner.search.rival_settings import RivalSettings
 from gpis_grasp_planner.search.settings import (
     AdaptionSettings,
     AdmmCpSettings,
@@ -36,7 +35,6 @@ class PlannerSettings:
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     dual: DualSettings = field(default_factory=DualSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
-    rivals: RivalSettings = field(default_factory=RivalSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
     uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)

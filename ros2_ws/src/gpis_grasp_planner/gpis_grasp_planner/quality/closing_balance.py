@@ -106,8 +106,6 @@ class ClosingBalance:
         """
         hand = self._hand
         result = np.zeros(len(joints))
-        if not len(joints):
-            return result
         poses = np.asarray(T_object_palm)[:, None] @ link_transforms(hand, joints)
         inner = joints[:, [finger.inner_joint for finger in hand.fingers]]
         distal = joints[:, [finger.distal_joint for finger in hand.fingers]]

@@ -36,9 +36,6 @@ PLANNER_NAMES = (
     "paper",
     "random",
     "random-adaption",
-    "annealing",
-    "eigengrasp",
-    "eigengrasp-two-level",
 )
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
-from gpis_grasp_planner.search.rival_settings import RivalSettings
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 
@@ -266,4 +265,3 @@ class SearchSettings:
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     dual: DualSettings = field(default_factory=DualSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
-    rivals: RivalSettings = field(default_factory=RivalSettings)

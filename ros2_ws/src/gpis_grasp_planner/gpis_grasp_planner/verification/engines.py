@@ -12,9 +12,9 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.verification.engine import Engine
-from gpis_grasp_planner.verification.settings import ENGINE_NAMES, VerificationSettings
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
-BOTH = "both"
+ENGINES = ("bullet", "mujoco")
 
 
 def engine_names(choice: str) -> tuple[str, ...]:
@@ -25,8 +25,11 @@ def engine_names(choice: str) -> tuple[str, ...]:
     RequestError
         Where the library of one of them is not installed.
     """
-    names = tuple(name for name in ENGINE_NAMES if name != BOTH) if choice == BOTH else (choice,)
-    if "mujoco" in names and find_spec("mujoco") is None:
+    installed = find_spec("mujoco") is not None
+    if choice == "auto":
+        return ("mujoco",) if installed else ("bullet",)
+    names = ENGINES if choice == "both" else (choice,)
+    if "mujoco" in names and not installed:
         raise RequestError(
             f"verification.engine is '{choice}', but MuJoCo is not installed here. Install it "
             "(pip install mujoco), or choose 'bullet'.",

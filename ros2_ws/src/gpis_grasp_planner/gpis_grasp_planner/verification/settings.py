@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
-ENGINE_NAMES = ("bullet", "mujoco", "both")
+ENGINE_CHOICES = ("auto", "bullet", "mujoco", "both")
 
 
 @dataclass(frozen=True)
@@ -14,9 +14,10 @@ class VerificationSettings(SettingsGroup):
     """The strict protocol; the physics' figures were chosen by the study in the documentation."""
 
     engine: str = setting(
-        "bullet",
-        choices=ENGINE_NAMES,
-        description="Physics engine of the trials; with both a grasp has to hold in each.",
+        "auto",
+        choices=ENGINE_CHOICES,
+        description="Physics engine of the trials: mujoco where it is installed, else bullet; with "
+        "both a grasp has to hold in each.",
         common=True,
     )
     friction: float = setting(

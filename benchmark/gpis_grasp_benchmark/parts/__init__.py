@@ -1,0 +1,1 @@
+"""Parts by script: those that ship with the planner."""

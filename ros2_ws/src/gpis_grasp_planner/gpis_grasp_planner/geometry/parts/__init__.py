@@ -1,1 +1,0 @@
-"""The shipped parts: generator modules, and the meshes they made in ``meshes/``."""
