@@ -217,6 +217,7 @@ class PlanRun:
         trials = RunningTrials(
             self.part, self.hand, verification, made, cases, kept.save, self.monitor.now
         )
+        self._owned.callback(kept.save, made.cover)
         self._owned.callback(trials.close)
         return trials
 
