@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.grasp.funnel import Loss, Step
 from gpis_grasp_planner.grasp.order import DISTINCT, pose_difference
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan import run as run_module
@@ -106,8 +107,10 @@ def test_joints_are_within_limits_and_the_fingers_close_from_the_pregrasp(result
         assert np.all(grasp.joints >= hand.joint_lower - 1e-9)
         assert np.all(grasp.joints <= hand.joint_upper + 1e-9)
         for finger in hand.fingers:
-            assert grasp.pregrasp_joints[finger.inner_joint] == 0.0
-            assert grasp.pregrasp_joints[finger.distal_joint] == 0.0
+            inner = grasp.pregrasp_joints[finger.inner_joint]
+            assert 0.0 <= inner <= grasp.joints[finger.inner_joint]
+            coupled = hand.drive.distal_per_inner * inner
+            assert grasp.pregrasp_joints[finger.distal_joint] == pytest.approx(coupled, abs=1e-9)
             if finger.spread_joint >= 0:
                 spread = grasp.joints[finger.spread_joint]
                 assert grasp.pregrasp_joints[finger.spread_joint] == pytest.approx(spread)
@@ -119,6 +122,29 @@ def test_evaluations_are_counted_and_end_the_search(result):
     settings = PlannerSettings()
     largest_step = max(settings.hpp.batch * settings.adaption.n_seed, settings.refinement.samples)
     assert EVALUATIONS <= result.evaluations < EVALUATIONS + largest_step
+
+
+def test_the_funnel_leads_from_the_proposals_to_what_was_confirmed(result, planner):
+    funnel = result.funnel
+    left = [funnel.left(step) for step in funnel.steps]
+    assert left == sorted(left, reverse=True)
+    # In free space every attempt is one proposal, and so is each palm that found no free place.
+    assert funnel.proposed - funnel.causes(Step.PALM_FREE).get(Loss.DEEP, 0) == result.evaluations
+    assert funnel.last is Step.CONFIRMED
+    assert funnel.left(Step.CONFIRMED) >= len(result.grasps) > 0
+    assert f"confirmed {funnel.left(Step.CONFIRMED)} of" in " ".join(result.notes)
+    assert not funnel.blocked
+    assert not funnel.screened
+
+
+def test_the_funnel_of_trials_ends_with_what_held(planner, sphere):
+    request = PlanRequest(seed=4, max_evaluations=200, n_grasps=4, verification="rank")
+    result = planner.plan(sphere, request)
+    funnel = result.funnel
+    held = [g for g in result.grasps if g.trials is not None and g.trials.held]
+    assert funnel.left(Step.HELD) >= len(held) > 0
+    tried, holds = funnel.left(Step.TRIED), funnel.left(Step.HELD)
+    assert f"Tried in physics: {tried} grasps, of which {holds} held" in " ".join(result.notes)
 
 
 def test_convergence_rises_to_the_best_of_the_search(result):

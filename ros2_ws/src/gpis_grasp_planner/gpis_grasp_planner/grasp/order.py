@@ -63,7 +63,7 @@ def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
     epsilon + lambda volume, less where closing forces do not balance. Trials in physics, which
     include displaced parts, weigh more than the quasi-static models.
     """
-    merit = (0, 0, 0) if grasp.trials is None else grasp.trials.merit
+    merit = (0, 0, 0, 0) if grasp.trials is None else grasp.trials.merit
     return (
         *(-float(figure) for figure in merit),
         -(grasp.hold_probability or 0.0),

@@ -18,6 +18,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
@@ -37,10 +38,13 @@ _FIELDS = frozenset(
         "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
         "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
-        "best_attempt", "approach", "forbidden",
+        "best_attempt", "approach", "forbidden", "phase_s", "funnel",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
-_LATER: dict[str, Any] = {"approach": None, "forbidden": []}  # earlier programs wrote none
+# What earlier programs did not write.
+_LATER: dict[str, Any] = {"approach": None, "forbidden": [], "phase_s": {}, "funnel": []}
+_LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None}
+_LATER_OF_TRIALS: dict[str, Any] = {"closing_slip_m": 0.0, "closing_rotation_rad": 0.0}
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
@@ -110,7 +114,7 @@ def result_from_dict(
     RequestError
         INVALID_DOCUMENT with the field, its value and what it must be.
     """
-    root = Node({**_LATER, **values}, "", name).object(_FIELDS)
+    root = Node(values, "", name).object(_FIELDS, _LATER)
     for field in ("version", *_TEXT_ONLY):
         root[field].text()
     if root["length_unit"].text() != "m":
@@ -147,6 +151,8 @@ def result_from_dict(
         notes=root["notes"].texts(),
         convergence=tuple(_improvement(node) for node in root["convergence"].list()),
         place=root["place"].optional(_place),
+        phase_s={phase: spent.number(low=0.0) for phase, spent in _named(root["phase_s"]).items()},
+        funnel=_funnel(root["funnel"]),
     )
     return result, root["mesh_source"].optional(_mesh_source)
 
@@ -217,6 +223,33 @@ def _settings(node: Node) -> dict[str, dict[str, Any]]:
     return {group: dict(values) for group, values in groups.items()}
 
 
+def _named(node: Node) -> dict[str, Node]:
+    """The values of an object of any names."""
+    if not isinstance(node.value, Mapping):
+        raise node.fail("names with numbers")
+    return {
+        name: Node(value, f"{node.path}.{name}", node.document)
+        for name, value in node.value.items()
+    }
+
+
+def _funnel(node: Node) -> Funnel:
+    rows = [item.object(frozenset({"step", "left", "lost"})) for item in node.list()]
+    if not rows:
+        return Funnel()
+    try:
+        return Funnel.of_table(
+            (
+                row["step"].text(),
+                row["left"].integer(),
+                {cause: n.integer(low=1) for cause, n in _named(row["lost"]).items()},
+            )
+            for row in rows
+        )
+    except ValueError as error:
+        raise node.fail(f"the table of a funnel ({error})") from None
+
+
 def _improvement(node: Node) -> tuple[float, int, float]:
     entry = node.object(frozenset({"elapsed_s", "n_evaluations", "best_epsilon"}))
     return (
@@ -227,7 +260,7 @@ def _improvement(node: Node) -> tuple[float, int, float]:
 
 
 def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) -> Grasp:
-    grasp = node.object(_GRASP_FIELDS)
+    grasp = node.object(_GRASP_FIELDS, _LATER_OF_GRASPS)
     if grasp["joint_names"].texts() != tuple(joint_names):
         raise grasp["joint_names"].fail("the document's joint_names, in their order")
     pose = grasp["palm_pose"].object(frozenset({"position", "orientation_xyzw"}))
@@ -252,7 +285,7 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
 
 def _trials(node: Node) -> Trials:
     names = frozenset(field.name for field in fields(TrialOutcome))
-    outcomes = [item.object(names) for item in node.list()]
+    outcomes = [item.object(names, _LATER_OF_TRIALS) for item in node.list()]
     return Trials(
         tuple(
             TrialOutcome(
@@ -261,6 +294,8 @@ def _trials(node: Node) -> Trials:
                 outcome["cause"].text(),
                 outcome["slip_m"].number(low=0.0),
                 outcome["rotation_rad"].number(low=0.0),
+                outcome["closing_slip_m"].number(low=0.0),
+                outcome["closing_rotation_rad"].number(low=0.0),
             )
             for outcome in outcomes
         )

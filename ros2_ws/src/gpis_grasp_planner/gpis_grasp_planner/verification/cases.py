@@ -39,6 +39,8 @@ class TrialCase:
             verdict.cause,
             1e-3 * verdict.largest_slip_mm,
             float(np.radians(verdict.largest_rotation_deg)),
+            verdict.closing_slip_m,
+            verdict.closing_rotation_rad,
         )
 
 
