@@ -23,7 +23,7 @@ from gpis_grasp_planner.search.refinement.contact_refinement import ContactRefin
 if TYPE_CHECKING:
     from gpis_grasp_planner.search.context import PlanningContext
 
-_PRIOR = 30.0  # attempts' worth of belief that both kinds are alike
+_PRIOR = 30.0  # hands' worth of belief that both kinds are alike
 
 
 class DualOptimiser:
@@ -44,7 +44,7 @@ class DualOptimiser:
         self._contacts = ContactFirst(context)
         self._second = ContactRefinement(context)
         self._attempts = [0, 0]
-        # Of palms and of contacts: attempts of the first stage, and their objectives' sum.
+        # Of palms and of contacts: hands of the first stage, and their objectives' sum.
         self._tried = [0, 0]
         self._worth = [0.0, 0.0]
 
@@ -71,14 +71,17 @@ class DualOptimiser:
         kind = int(self._tried[1] < self._contact_share * sum(self._tried) and self._contacts.able)
         if kind:
             attempts, owner = self._contacts.attempt(self._batch)
+            # What constraints did not even let close has been tried, too.
+            spent = self._batch * self._settings.n_seed
             if self._settings.tell_model:
                 self._first.tell_attempts(attempts, owner)
         else:
             proposals = self._first.propose(self._batch)
             self._first.tell(proposals)
             attempts = proposals.attempts
+            spent = self._evaluator.n_attempts - before
         self._second.consider(attempts)
-        self._tried[kind] += self._evaluator.n_attempts - before
+        self._tried[kind] += spent
         self._worth[kind] += float(attempts.objective(self._weight).sum())
 
     @property

@@ -38,13 +38,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _WIDTH_M = 0.006  # how far a pinch's width may be from that of its contacts
-_ROLLS = 24  # postures and rolls looked at for a pair
+_ROLLS = 16  # postures and rolls looked at for a pair
 _NEIGHBOURS = 3  # triads looked at for each of a triple's orders
 _GAP_M = 0.01  # a place this far from the surface costs as much as a normal at a right angle
 _APPROACH = 1.0  # cost of coming from opposite to the direction that constraints know
 _TEMPERATURE = 0.15
-_DRAWN = 3  # sets drawn for each that is tried
-_LOOKED_AT = 4  # hands held against the constraints for each that is tried
+_FROM_ALLOWED = 0.75  # share of a pair's hands that come from where constraints let them
+_ROLL_RAD = np.deg2rad(25.0)  # standard deviation of their rolls
+_DRAWN = 2  # sets drawn for each that is tried
+_FARTHEST_M = 0.015  # a hand farther from where constraints let it would miss its contacts
 _PRIOR = 5.0  # attempts' worth of belief that a grip is like the others
 _ORDERS = np.array([(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)])
 
@@ -95,7 +97,7 @@ class ContactFirst:
         return len(pairs) + len(triples) > 0
 
     def attempt(self, n_sets: int) -> tuple[Attempts, Index]:
-        """Close hands about sets of contacts, some seeds each.
+        """Close hands about sets of contacts, some seeds each; fewer where constraints let no more.
 
         Returns
         -------
@@ -136,20 +138,17 @@ class ContactFirst:
         worth = (self._worth + _PRIOR * mean) / (self._tried + _PRIOR)
         noise = self._context.rng.gumbel(size=len(hands.cost))
         merit = _TEMPERATURE * (noise + np.log(worth[hands.cell] / mean)) - hands.cost
-        n_first = min(len(merit), _LOOKED_AT * n_sets * self._settings.n_seed)
-        first = np.argsort(-merit, kind="stable")[:n_first]
-        hands, merit = hands.only(first), merit[first]
-        merit -= self._fitting.way_to_allowed(hands.T_object_palm, hands.joints) / _GAP_M
-        order = np.argsort(-merit, kind="stable")
-        taken: dict[int, int] = {}
-        chosen = []
-        for row in order:
-            owner = int(hands.owner[row])
-            if owner not in taken and len(taken) == n_sets:
-                continue
-            if taken.get(owner, 0) < self._settings.n_seed:
-                taken[owner] = taken.get(owner, 0) + 1
-                chosen.append(row)
+        way = self._fitting.way_to_allowed(hands.T_object_palm, hands.joints)
+        merit -= way / _GAP_M
+        taken = np.zeros(int(hands.owner.max()) + 1, dtype=np.intp)
+        chosen: list[int] = []
+        for row in np.argsort(-merit, kind="stable"):
+            if len(chosen) == n_sets * self._settings.n_seed:
+                break
+            owner = hands.owner[row]
+            if way[row] < _FARTHEST_M and taken[owner] < self._settings.n_seed:
+                taken[owner] += 1
+                chosen.append(int(row))
         return hands.only(np.array(chosen, dtype=np.intp))
 
     def _learn(self, cell: Index, objective: Array) -> None:
@@ -198,11 +197,27 @@ class ContactFirst:
         rows = low + (rng.random(len(low)) * np.maximum(high - low, 1)).astype(np.intp)
         n = len(rows)
         axis = rng.choice([-1.0, 1.0], n)[:, None] * (q - p) / width[:, None]
-        R = _turned_onto(table.axis[rows], axis, rng.uniform(0.0, 2.0 * np.pi, n))
+        R = self._rolled(turned_onto(table.axis[rows], axis), axis)
         T = transform(R, 0.5 * (p + q) - np.einsum("nij,nj->ni", R, table.middle[rows]))
         cost = self._cost(T, table.points[rows], table.normals[rows], table.used[rows])
         owner = np.repeat(np.arange(len(drawn)), _ROLLS)
         return _Hands(T, table.spread[rows], table.joints[rows], table.cell[rows], owner, cost)
+
+    def _rolled(self, R: Array, axis: Array) -> Array:
+        """Rotations (n, 3, 3) rolled about axes (n, 3): anyhow, or to come from where one may."""
+        rng, n = self._context.rng, len(R)
+        roll = rng.uniform(0.0, 2.0 * np.pi, n)
+        wanted = self._fitting.approach_axis
+        if wanted is not None:
+            z = R[:, :, 2]
+            along = np.einsum("ni,ni->n", axis, z) * (axis @ wanted)
+            toward = np.arctan2(
+                np.einsum("ni,ni->n", axis, np.cross(z, np.broadcast_to(wanted, z.shape))),
+                z @ wanted - along,
+            )
+            near = rng.random(n) < _FROM_ALLOWED
+            roll = np.where(near, toward + _ROLL_RAD * rng.standard_normal(n), roll)
+        return np.asarray(Rotation.from_rotvec(roll[:, None] * axis).as_matrix() @ R)
 
     def _about_triples(self, triples: ContactSets, drawn: Index) -> _Hands:
         """Hands of the nearest triads about each of the drawn triples."""
@@ -213,7 +228,7 @@ class ContactFirst:
         _, nearest = table.tree.query(triangle_sides(of), k=_NEIGHBOURS)
         rows = nearest.reshape(-1)
         to, toward = (np.repeat(x, _NEIGHBOURS, axis=0) for x in (of, inward))
-        T = _fitted(table.points[rows], table.normals[rows], to, toward)
+        T = fitted(table.points[rows], table.normals[rows], to, toward)
         used = np.ones((len(rows), 3), dtype=bool)
         cost = self._cost(T, table.points[rows], table.normals[rows], used)
         owner = np.repeat(np.arange(len(drawn)), len(_ORDERS) * _NEIGHBOURS)
@@ -225,11 +240,10 @@ class ContactFirst:
         R, t = T[:, None, :3, :3], T[:, None, :3, 3]
         x = np.einsum("nsij,nsj->nsi", R, points) + t
         outward = np.einsum("nsij,nsj->nsi", R, normals)
-        depth, surface_normal, distance = self._surface(x.reshape(-1, 3))
-        shape = used.shape
-        opposed = np.einsum("nsi,nsi->ns", outward, surface_normal.reshape(*shape, 3))
-        gap = np.minimum(distance.reshape(shape) / _GAP_M, 2.0)
-        each = np.where(used, gap + 1.0 + opposed, 0.0)
+        _, surface_normal, distance = self._surface(x[used])
+        opposed = np.einsum("mi,mi->m", outward[used], surface_normal)
+        each = np.zeros(used.shape)
+        each[used] = np.minimum(distance / _GAP_M, 2.0) + 1.0 + opposed
         cost = each.sum(axis=1) / used.sum(axis=1)
         face = T[:, :3, 3] + self._context.T_palm_face[2, 3] * T[:, :3, 2]
         depth, _, _ = self._surface(face)
@@ -250,8 +264,8 @@ class ContactFirst:
         )  # fmt: skip
 
 
-def _turned_onto(start: Array, end: Array, roll: Array) -> Array:
-    """Rotations (n, 3, 3) that take unit vectors to others (n, 3), rolled about those [rad]."""
+def turned_onto(start: Array, end: Array) -> Array:
+    """The smallest rotations (n, 3, 3) that take unit vectors to others (n, 3)."""
     axis = np.cross(start, end)
     sine = np.linalg.norm(axis, axis=1)
     cosine = np.einsum("ij,ij->i", start, end)
@@ -260,10 +274,10 @@ def _turned_onto(start: Array, end: Array, roll: Array) -> Array:
     axis = np.where((sine < 1e-9)[:, None], across, axis)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     turn = Rotation.from_rotvec(np.arctan2(sine, cosine)[:, None] * axis)
-    return np.asarray((Rotation.from_rotvec(roll[:, None] * end) * turn).as_matrix())
+    return np.asarray(turn.as_matrix())
 
 
-def _fitted(points: Array, normals: Array, to: Array, toward: Array) -> Array:
+def fitted(points: Array, normals: Array, to: Array, toward: Array) -> Array:
     """Poses (n, 4, 4) that bring points to points (n, k, 3), and normals to directions.
 
     Least squares over both (Kabsch); a normal counts like a point `_GAP_M` away.

@@ -30,7 +30,7 @@ _POINTS = 900
 _TRIPLES = 40_000
 _KEPT = 4000
 _FINGERTIP_M = 0.003
-_CENTER_RATIO = 0.3  # of the largest radius: where a set's weight has fallen to 1/e
+_CENTER_RATIO = 0.2  # of the largest radius: where a set's weight has fallen to 1/e
 _NARROWEST_M = 5e-4
 
 
