@@ -37,13 +37,14 @@ def shaft(diameters: tuple[float, ...], lengths: tuple[float, ...]) -> Solid:
 
 
 def hexagon_key(across_flats: float, long: float, short: float) -> Solid:
-    """A hexagon key: two legs at a right angle, the long one along x."""
-    angles = np.deg2rad(30.0) + np.arange(6) * np.pi / 3
-    outline = across_flats / np.sqrt(3.0) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    leg = extruded(outline, 0.0, long).rotate((0, 90, 0))
-    corner = manifold3d.Manifold.sphere(across_flats / np.sqrt(3.0), 24)
-    foot = extruded(outline, -short, 0.0)
-    return (leg + foot + corner).translate((-long / 2, 0, 0))
+    """A hexagon key: two legs at a right angle about a bend, the long one along x."""
+    bend = 1.5 * across_flats
+    angles = np.linspace(0.0, 0.5 * np.pi, 7)[1:-1]
+    arc = bend * np.stack([1.0 - np.sin(angles), np.cos(angles) - 1.0], axis=1)
+    legs = [[long, 0.0], [0.5 * long, 0.0], [bend, 0.0]], [[0.0, -bend], [0.0, -short]]
+    path = np.concatenate([legs[0], arc, legs[1]]) - [0.4 * long, 0.0]
+    corner = across_flats / np.sqrt(3.0)
+    return swept(path, corner, corner, 6)
 
 
 def screwdriver(handle: float, grip: float, blade: float, reach: float) -> Solid:

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import apply
+from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.search.contacts.contact_first import ContactFirst, fitted, turned_onto
 
 
@@ -50,17 +51,19 @@ def test_hands_are_put_about_what_is_asked_for(rod, make_context):
     assert 0 < len(attempts) <= 6 * n_seed
     assert len(owner) == len(attempts)
     assert np.bincount(np.unique(owner, return_inverse=True)[1]).max() <= n_seed
-    assert len(np.unique(owner)) <= 6
+    assert len(np.unique(owner)) <= 12
     assert context.evaluator.n_attempts == len(attempts)
 
 
 def test_most_hands_touch_a_thin_rod_from_both_sides(rod, make_context):
-    """Of palms on charts about half miss it; the contacts lie near the middle of the rod."""
+    """Unless its fingers meet each other; and the contacts lie near the middle of the rod."""
     context = make_context(rod, seed=0)
     search = ContactFirst(context)
     attempts = [search.attempt(8)[0] for _ in range(12)]
+    status = np.concatenate([a.status for a in attempts])
     contacts = np.concatenate([a.n_contacts for a in attempts])
-    assert (contacts >= 2).mean() > 0.9
+    assert not (status == AttemptStatus.PALM_COLLISION).any()
+    assert (contacts[status != AttemptStatus.SELF_COLLISION] >= 2).mean() > 0.95
     middle = [
         a.positions[i, : a.n_contacts[i], 2].mean()
         for a in attempts

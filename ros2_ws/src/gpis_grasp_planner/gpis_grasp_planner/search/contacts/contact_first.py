@@ -45,7 +45,9 @@ _APPROACH = 1.0  # cost of coming from opposite to the direction that constraint
 _TEMPERATURE = 0.15
 _FROM_ALLOWED = 0.75  # share of a pair's hands that come from where constraints let them
 _ROLL_RAD = np.deg2rad(25.0)  # standard deviation of their rolls
+_LEARN = 0.3  # cost that e times the worth makes up for
 _DRAWN = 2  # sets drawn for each that is tried
+_BACK_M = 0.003
 _FARTHEST_M = 0.015  # a hand farther from where constraints let it would miss its contacts
 _PRIOR = 5.0  # attempts' worth of belief that a grip is like the others
 _ORDERS = np.array([(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)])
@@ -106,13 +108,18 @@ class ContactFirst:
         owner : (B,) int array
             Which set each attempt is of.
         """
-        hands = self._best_of(self._drawn(_DRAWN * n_sets), n_sets)
-        back = -hands.T_object_palm[:, :3, 2]
+        hands = self._best_of(self._drawn(_DRAWN * n_sets))
         T, free = self._context.evaluator.clear_palm(
-            hands.T_object_palm, back, hands.spread, np.zeros(len(back))
+            hands.T_object_palm,
+            -hands.T_object_palm[:, :3, 2],
+            hands.spread,
+            np.zeros(len(hands.spread)),
         )
-        hands = hands.only(free)
-        attempts = self._fitting.attempt(T[free], hands.spread, hands.joints)
+        # An open hand that overlaps the part has to go back, and leaves its contacts.
+        back = np.linalg.norm((T - hands.T_object_palm)[:, :3, 3], axis=1)
+        kept = np.flatnonzero(free & (back < _BACK_M))[: n_sets * self._settings.n_seed]
+        hands = hands.only(kept)
+        attempts = self._fitting.attempt(T[kept], hands.spread, hands.joints)
         self._context.archive.add(attempts)
         self._learn(hands.cell, attempts.objective(self._context.archive.volume_weight))
         return attempts, hands.owner
@@ -132,19 +139,17 @@ class ContactFirst:
             hands.append(replace(about, owner=about.owner + n_triples))
         return _Hands.joined(hands)
 
-    def _best_of(self, hands: _Hands, n_sets: int) -> _Hands:
-        """The likeliest hands of the likeliest sets: chance falls with cost, rises with worth."""
+    def _best_of(self, hands: _Hands) -> _Hands:
+        """The likeliest hands of each set, likeliest first: low in cost, worthy in grip."""
         mean = (self._worth.sum() + 1e-6) / (self._tried.sum() + 1.0)
         worth = (self._worth + _PRIOR * mean) / (self._tried + _PRIOR)
         noise = self._context.rng.gumbel(size=len(hands.cost))
-        merit = _TEMPERATURE * (noise + np.log(worth[hands.cell] / mean)) - hands.cost
+        merit = _TEMPERATURE * noise + _LEARN * np.log(worth[hands.cell] / mean) - hands.cost
         way = self._fitting.way_to_allowed(hands.T_object_palm, hands.joints)
         merit -= way / _GAP_M
         taken = np.zeros(int(hands.owner.max()) + 1, dtype=np.intp)
         chosen: list[int] = []
         for row in np.argsort(-merit, kind="stable"):
-            if len(chosen) == n_sets * self._settings.n_seed:
-                break
             owner = hands.owner[row]
             if way[row] < _FARTHEST_M and taken[owner] < self._settings.n_seed:
                 taken[owner] += 1

@@ -132,9 +132,8 @@ class ContactSampler:
         off = np.linalg.norm(points.mean(axis=1) - self._center, axis=1) / self._scale
         weight = (1.0 - angle / self._cone) * np.exp(-off) * self._flat[index].min(axis=1)
         if len(weight) > _KEPT:
-            kept = self._rng.choice(len(weight), _KEPT, replace=False, p=weight / weight.sum())
-            # Drawn by their weight already: those that are kept weigh the same.
-            index, points, weight = index[kept], points[kept], np.ones(_KEPT)
+            kept = self._rng.choice(len(weight), _KEPT, replace=False)
+            index, points, weight = index[kept], points[kept], weight[kept]
         total = weight.sum()
         return ContactSets(points, self._normals[index], weight / total if total > 0.0 else weight)
 
