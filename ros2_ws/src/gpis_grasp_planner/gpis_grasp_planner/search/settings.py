@@ -203,7 +203,7 @@ class ContactSettings(SettingsGroup):
     """Proposals that begin with the contacts."""
 
     share: float = setting(
-        0.3,
+        0.5,
         low=0.0,
         high=1.0,
         description="Largest share of the first stage's attempts whose hands are put about pairs "
@@ -217,7 +217,7 @@ class ContactSettings(SettingsGroup):
         4, low=1, high=100, description="Hands (postures and rolls) tried for each set of contacts."
     )
     tell_model: bool = setting(
-        True, description="Whether the model of the palm's pose learns from them, too."
+        False, description="Whether the model of the palm's pose learns from them, too."
     )
 
 
