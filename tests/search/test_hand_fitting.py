@@ -165,13 +165,13 @@ def test_a_posture_that_is_told_decides_how_far_a_hand_is_lifted(
     context, closed = constrained(make_context(sphere, seed=11), planner, (table,))
     T = np.eye(4)[None].copy()
     T[:, :3, :3] = np.diag([1.0, -1.0, -1.0])
-    T[:, 2, 3] = 0.02
+    T[:, 2, 3] = 0.1
     heights = []
     for motor in (0.6, 2.2):
         joints = joints_from_motors(planner.hand, np.zeros(1), np.full((1, 3), motor))
         before = len(closed.T)
         HandFitting(context).attempt(T, np.zeros(1), joints)
         first = closed.T[before][0, 2, 3]
-        assert first == pytest.approx(0.02 + HandFitting(context).way_to_allowed(T, joints)[0])
+        assert first == pytest.approx(0.1 + HandFitting(context).way_to_allowed(T, joints)[0])
         heights.append(first)
     assert abs(heights[0] - heights[1]) > 0.01
