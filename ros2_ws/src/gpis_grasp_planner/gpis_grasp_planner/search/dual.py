@@ -23,6 +23,8 @@ from gpis_grasp_planner.search.refinement.contact_refinement import ContactRefin
 if TYPE_CHECKING:
     from gpis_grasp_planner.search.context import PlanningContext
 
+# The list wants the best: by their plain sum many weak grasps would outweigh a few strong ones.
+_FOR_THE_BEST = 3
 _PRIOR = 30.0  # hands' worth of belief that both kinds are alike
 
 
@@ -44,7 +46,8 @@ class DualOptimiser:
         self._contacts = ContactFirst(context)
         self._second = ContactRefinement(context)
         self._attempts = [0, 0]
-        # Of palms and of contacts: hands of the first stage, and their objectives' sum.
+        # Of palms and of contacts: hands of the first stage, and the sum of a power of
+        # their objectives.
         self._tried = [0, 0]
         self._worth = [0.0, 0.0]
 
@@ -82,7 +85,7 @@ class DualOptimiser:
             spent = self._evaluator.n_attempts - before
         self._second.consider(attempts)
         self._tried[kind] += spent
-        self._worth[kind] += float(attempts.objective(self._weight).sum())
+        self._worth[kind] += float((attempts.objective(self._weight) ** _FOR_THE_BEST).sum())
 
     @property
     def _contact_share(self) -> float:
