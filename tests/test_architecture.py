@@ -42,6 +42,7 @@ OWNERS = {
     "rclpy": ("ros/",),
     "pybullet": ("scene/bullet_world.py",),
     "pybullet_data": ("scene/bullet_world.py",),
+    "mujoco": ("verification/mujoco/",),
     # Of other distributions: the benchmark, the tests.
     "gpis_grasp_benchmark": (),
     "trimesh": (),
@@ -132,7 +133,7 @@ def test_every_module_keeps_the_arrows() -> None:
 
 def test_the_page_names_every_folder_and_owner() -> None:
     page = (ROOT / "docs/architecture.md").read_text()
-    for name in FOLDERS | {"rclpy", "pybullet", "trimesh", "open3d"}:
+    for name in FOLDERS | {"rclpy", "pybullet", "mujoco", "trimesh", "open3d"}:
         assert name in page, f"docs/architecture.md does not mention {name}"
 
 

@@ -106,8 +106,10 @@ def test_joints_are_within_limits_and_the_fingers_close_from_the_pregrasp(result
         assert np.all(grasp.joints >= hand.joint_lower - 1e-9)
         assert np.all(grasp.joints <= hand.joint_upper + 1e-9)
         for finger in hand.fingers:
-            assert grasp.pregrasp_joints[finger.inner_joint] == 0.0
-            assert grasp.pregrasp_joints[finger.distal_joint] == 0.0
+            inner = grasp.pregrasp_joints[finger.inner_joint]
+            assert 0.0 <= inner <= grasp.joints[finger.inner_joint]
+            coupled = hand.drive.distal_per_inner * inner
+            assert grasp.pregrasp_joints[finger.distal_joint] == pytest.approx(coupled, abs=1e-9)
             if finger.spread_joint >= 0:
                 spread = grasp.joints[finger.spread_joint]
                 assert grasp.pregrasp_joints[finger.spread_joint] == pytest.approx(spread)

@@ -97,6 +97,33 @@ def test_a_cover_of_patches_is_a_cover_and_what_is_asked_is_covered() -> None:
         np.testing.assert_array_equal(one, other)
 
 
+def test_what_others_made_is_taken_over_once() -> None:
+    """Two processes cover two halves that overlap; a third takes from both and makes the rest."""
+    part = MeshCatalogue([default_catalogue_directory()]).load("bracket")
+    field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)
+    x = part.mesh.triangles.mean(axis=1)[:, 0]
+    covers = [ConvexCover(part.mesh, field, tree, TOLERANCE) for _ in range(3)]
+    covers[0].add(x < np.quantile(x, 0.6))
+    covers[1].add(x > np.quantile(x, 0.4))
+    third = covers[2]
+    for cover in covers[:2]:
+        third.take(cover.since(0))
+    n_taken = len(third.pieces)
+    assert len(covers[0].pieces) < n_taken < len(covers[0].pieces) + len(covers[1].pieces)
+    for cover in covers[:2]:  # nothing is taken twice
+        third.take(cover.since(0))
+    assert len(third.pieces) == n_taken
+    third.add()
+    assert third.is_complete()
+    fresh = ConvexCover(part.mesh, field, tree, TOLERANCE)
+    fresh.take_arrays(covers[0].as_arrays())
+    assert fresh.n_covered == covers[0].n_covered < third.n_covered
+    assert not fresh.is_complete()
+    assert [len(p.faces) for p in fresh.since(0)] == [len(p.faces) for p in covers[0].since(0)]
+    fresh.add()
+    assert fresh.is_complete()
+
+
 def test_making_a_cover_can_be_ended_and_goes_on() -> None:
     part = MeshCatalogue([default_catalogue_directory()]).load("bracket")
     field, tree = DistanceField.of(part.mesh), TriangleTree.of(part.mesh)

@@ -21,7 +21,7 @@ from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.verification import running_trials
 from gpis_grasp_planner.verification.cases import finalist_cases
-from gpis_grasp_planner.verification.convex_cover import ConvexCover
+from gpis_grasp_planner.verification.convex_cover import ConvexCover, Piece
 from gpis_grasp_planner.verification.protocol import PreparedPart, verify
 from gpis_grasp_planner.verification.running_trials import RunningTrials
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -34,7 +34,7 @@ def never() -> bool:
     return False
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def prepared(bar: Part) -> PreparedPart:
     field, tree = DistanceField.of(bar.mesh), TriangleTree.of(bar.mesh)
     return PreparedPart(field, tree, ConvexCover(bar.mesh, field, tree))
@@ -197,8 +197,8 @@ class Child:
     def send(self, job: tuple[Grasp, int]) -> None:
         self.jobs.append((round(1e4 * job[0].T_object_palm[0, 3]), job[1]))
 
-    def recv(self) -> bool:
-        return self.jobs[-1] not in self._failing
+    def recv(self) -> tuple[bool, list[Piece]]:
+        return self.jobs[-1] not in self._failing, []
 
     def end(self) -> None:
         pass
@@ -246,6 +246,19 @@ def test_a_grasp_that_failed_a_further_case_waits(
     order, made = order_of_jobs(make, monkeypatch, firm, 4, 4, failing={(0, 1)})
     assert order.index((0, 2)) > order.index((3, 2))
     assert made == [4, 4, 4, 4]
+
+
+def test_the_parent_has_the_pieces_that_its_children_made(
+    make: Callable[..., RunningTrials], firm: Grasp, prepared: PreparedPart
+) -> None:
+    """What one child made for a grasp, the next child has from the beginning."""
+    before = prepared.cover.n_covered
+    trials = make()
+    trials.offer([firm])
+    trials.finish(1, None, never)
+    assert trials.n_tried == 1
+    assert prepared.cover.n_covered > before or prepared.cover.is_complete()
+    assert len(prepared.cover.since(0)) == len(prepared.cover.pieces) > 0
 
 
 def test_an_idle_child_completes_the_cover(

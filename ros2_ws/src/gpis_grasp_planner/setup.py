@@ -46,6 +46,7 @@ setup(
         "rich",
         "scipy",
     ],
+    extras_require={"mujoco": ["mujoco"]},  # verification.engine
     entry_points={
         "console_scripts": [
             f"grasp_planner_node = {NAME}.ros.node:main",

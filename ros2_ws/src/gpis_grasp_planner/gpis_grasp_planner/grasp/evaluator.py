@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.quality.closing_balance import balance_factor
 from gpis_grasp_planner.quality.contacts import Contacts
 
 Array = NDArray[np.float64]
@@ -56,6 +57,9 @@ class Attempts:
     shift : (B, 3) array [m] or None
         Where a constraint blocked the closed hand: the translation that would free it, zero where
         none is known (`grasp.constraint.Verdict`). None without constraints.
+    imbalance : (B,) array or None
+        What the closing hand's own forces leave unbalanced of a push, over the push; 0 without
+        force closure. None where nobody asked (`grasp.balanced_evaluator`).
     """
 
     T_object_palm: Array
@@ -71,13 +75,19 @@ class Attempts:
     volume: Array
     start_joints: Array | None = None
     shift: Array | None = None
+    imbalance: Array | None = None
 
     def __len__(self) -> int:
         return len(self.status)
 
     def objective(self, volume_weight: float) -> Array:
-        """The paper's f_obj = 1(epsilon) epsilon + lambda volume, (B,); 0 for failed attempts."""
+        """The paper's f_obj = 1(epsilon) epsilon + lambda volume, (B,); 0 for failed attempts.
+
+        Beyond the paper, where the imbalance is known: times its `balance_factor`.
+        """
         value = np.maximum(self.epsilon, 0.0) + volume_weight * self.volume
+        if self.imbalance is not None:
+            value = value * balance_factor(self.imbalance)
         return np.where(self.status == AttemptStatus.GRASPED, value, 0.0)
 
     def contacts(self, index: int) -> Contacts:

@@ -40,6 +40,9 @@ class Grasp:
         Under the covariance of a pose estimate; None where none was given.
     lift_direction : (3,) array or None
         Unit vector away from the support that the part lies on; None where none is known.
+    imbalance : float or None
+        What the closing hand's own forces leave unbalanced of a push, over the push
+        (`quality.closing_balance`). None where nobody asked.
     """
 
     T_object_palm: Array
@@ -53,6 +56,7 @@ class Grasp:
     trials: Trials | None = None
     hold_probability: float | None = None
     lift_direction: Array | None = None
+    imbalance: float | None = None
 
     @property
     def way_out(self) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.transforms import rotation_angle
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.quality.closing_balance import balance_factor
 
 Array = NDArray[np.float64]
 
@@ -59,12 +60,18 @@ def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
 
     Grasps that physics held come before untried ones, and those before grasps that failed; within
     each by `Trials.merit`, then the likelier to hold under the pose's covariance, then
-    epsilon + lambda volume. Trials in physics, which include displaced parts, weigh more than the
-    quasi-static model behind the probability.
+    epsilon + lambda volume, less where closing forces do not balance. Trials in physics, which
+    include displaced parts, weigh more than the quasi-static models.
     """
-    merit = (0, 0, 0) if grasp.trials is None else grasp.trials.merit
+    merit = (0, 0, 0, 0) if grasp.trials is None else grasp.trials.merit
     return (
         *(-float(figure) for figure in merit),
         -(grasp.hold_probability or 0.0),
-        -(grasp.epsilon + volume_weight * grasp.volume),
+        -worth(grasp, volume_weight),
     )
+
+
+def worth(grasp: Grasp, volume_weight: float) -> float:
+    """Epsilon + lambda volume, times the `balance_factor` where the imbalance is known."""
+    value = grasp.epsilon + volume_weight * grasp.volume
+    return value if grasp.imbalance is None else value * float(balance_factor(grasp.imbalance))

@@ -5,11 +5,16 @@ The trials themselves are made in ``verification``, above this folder; here is o
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 # What a request asks for. "none": nothing is tried. "rank": grasps that hold come first.
 # "require": no others are answered.
 VERIFICATIONS = ("none", "rank", "require")
+
+
+_GENTLE_M = 0.005
+_GENTLE_RAD = math.radians(5.0)
 
 
 @dataclass(frozen=True)
@@ -19,12 +24,14 @@ class TrialOutcome:
     Attributes
     ----------
     name : str
-        What was tried, such as "strict, friction 0.6, 0.1 kg".
+        What was tried and where, such as "friction 0.6, 0.1 kg, mujoco".
     passed : bool
     cause : str
         Why it failed; empty where it passed.
     slip_m, rotation_rad : float
         Largest motion of the part against the palm.
+    closing_slip_m, closing_rotation_rad : float
+        How far the closed hand pushed the part when its support gave way.
     """
 
     name: str
@@ -32,6 +39,8 @@ class TrialOutcome:
     cause: str = ""
     slip_m: float = 0.0
     rotation_rad: float = 0.0
+    closing_slip_m: float = 0.0
+    closing_rotation_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -55,15 +64,22 @@ class Trials:
         return sum(outcome.passed for outcome in self.outcomes)
 
     @property
-    def merit(self) -> tuple[int, int, int]:
-        """What grasps are compared by, more being better: first case, second case, cases passed.
+    def gentle(self) -> bool:
+        """Whether the closed hand pushed the part by less than 5 mm and 5 degrees."""
+        first = self.outcomes[0]
+        return first.closing_slip_m < _GENTLE_M and first.closing_rotation_rad < _GENTLE_RAD
 
-        A case counts 1 if it was passed, 0 if it was not tried, -1 if it was failed. The second
-        one (slippery fingers, the part's own mass) weighs more than any number of displaced parts.
+    @property
+    def merit(self) -> tuple[int, int, int, int]:
+        """What grasps are compared by, more being better.
+
+        First case, second case, whether the hand closes gently, cases passed. A case counts 1 if it
+        was passed, 0 if it was not tried, -1 if it was failed. The second one (slippery fingers,
+        the part's own mass) weighs more than any number of displaced parts.
         """
         verdicts = [1 if outcome.passed else -1 for outcome in self.outcomes[:2]]
         first, second = [*verdicts, 0, 0][:2]
-        return first, second, self.n_passed
+        return first, second, int(bool(self.outcomes) and self.gentle), self.n_passed
 
     @property
     def largest_slip_m(self) -> float:

@@ -54,6 +54,7 @@ class Drive:
     motor_speed: Array  # [rad/s]
     distal_per_inner: float  # coupling before breakaway
     breakaway_torque: float  # [N m]
+    tip_point: Array  # (3,) [m], where a fingertip presses, in the distal link's frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +208,7 @@ def _drive(data: Mapping[str, Any]) -> Drive:
         motor_speed=upper / np.array(data["full_travel_s"], dtype=float),
         distal_per_inner=data["motor_to_inner"] / data["motor_to_distal"],
         breakaway_torque=float(data["breakaway_torque"]),
+        tip_point=np.array(data["tip_point_mm"], dtype=float) / 1000.0,
     )
 
 

@@ -209,6 +209,7 @@ def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) 
         "volume": float(grasp.volume),
         "hold_probability": grasp.hold_probability,
         "lift_direction": None if grasp.lift_direction is None else _numbers(grasp.lift_direction),
+        "imbalance": grasp.imbalance,
         "trials": None
         if grasp.trials is None
         else [asdict(outcome) for outcome in grasp.trials.outcomes],

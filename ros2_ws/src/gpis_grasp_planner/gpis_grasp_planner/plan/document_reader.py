@@ -40,12 +40,15 @@ _FIELDS = frozenset(
         "best_attempt", "approach", "forbidden",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
-_LATER: dict[str, Any] = {"approach": None, "forbidden": []}  # earlier programs wrote none
+# What earlier programs did not write.
+_LATER: dict[str, Any] = {"approach": None, "forbidden": []}
+_LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None}
+_LATER_OF_TRIALS: dict[str, Any] = {"closing_slip_m": 0.0, "closing_rotation_rad": 0.0}
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
         "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
-        "hold_probability", "lift_direction",
+        "hold_probability", "lift_direction", "imbalance",
     )
 )  # fmt: skip
 
@@ -110,7 +113,7 @@ def result_from_dict(
     RequestError
         INVALID_DOCUMENT with the field, its value and what it must be.
     """
-    root = Node({**_LATER, **values}, "", name).object(_FIELDS)
+    root = Node(values, "", name).object(_FIELDS, _LATER)
     for field in ("version", *_TEXT_ONLY):
         root[field].text()
     if root["length_unit"].text() != "m":
@@ -227,7 +230,7 @@ def _improvement(node: Node) -> tuple[float, int, float]:
 
 
 def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) -> Grasp:
-    grasp = node.object(_GRASP_FIELDS)
+    grasp = node.object(_GRASP_FIELDS, _LATER_OF_GRASPS)
     if grasp["joint_names"].texts() != tuple(joint_names):
         raise grasp["joint_names"].fail("the document's joint_names, in their order")
     pose = grasp["palm_pose"].object(frozenset({"position", "orientation_xyzw"}))
@@ -246,12 +249,13 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         trials=grasp["trials"].optional(_trials),
         hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
         lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
+        imbalance=grasp["imbalance"].optional(lambda node: node.number(low=0.0)),
     )
 
 
 def _trials(node: Node) -> Trials:
     names = frozenset(field.name for field in fields(TrialOutcome))
-    outcomes = [item.object(names) for item in node.list()]
+    outcomes = [item.object(names, _LATER_OF_TRIALS) for item in node.list()]
     return Trials(
         tuple(
             TrialOutcome(
@@ -260,6 +264,8 @@ def _trials(node: Node) -> Trials:
                 outcome["cause"].text(),
                 outcome["slip_m"].number(low=0.0),
                 outcome["rotation_rad"].number(low=0.0),
+                outcome["closing_slip_m"].number(low=0.0),
+                outcome["closing_rotation_rad"].number(low=0.0),
             )
             for outcome in outcomes
         )

@@ -33,12 +33,18 @@ class Node:
             ErrorCode.INVALID_DOCUMENT,
         )
 
-    def object(self, names: frozenset[str]) -> dict[str, Node]:
-        """An object with exactly these fields."""
+    def object(
+        self, names: frozenset[str], later: Mapping[str, Any] | None = None
+    ) -> dict[str, Node]:
+        """An object with exactly these fields; `later` has those that earlier programs wrote none.
+
+        Their values stand for what is not there.
+        """
         if not isinstance(self.value, Mapping):
             raise self.fail(f"an object with the fields {', '.join(sorted(names))}")
-        missing = sorted(names - set(self.value))
-        unknown = sorted(str(name)[:40] for name in set(self.value) - names)
+        values = {**(later or {}), **self.value}
+        missing = sorted(names - set(values))
+        unknown = sorted(str(name)[:40] for name in set(values) - names)
         if missing or unknown:
             fault = f"lacks {', '.join(missing)}" if missing else f"has unknown {unknown}"
             where = f"'{self.path}'" if self.path else "the document"
@@ -47,7 +53,7 @@ class Node:
                 ErrorCode.INVALID_DOCUMENT,
             )
         prefix = f"{self.path}." if self.path else ""
-        return {n: Node(v, f"{prefix}{n}", self.document) for n, v in self.value.items()}
+        return {n: Node(v, f"{prefix}{n}", self.document) for n, v in values.items()}
 
     def list(self) -> list[Node]:
         """Return the items of a list."""

@@ -62,10 +62,8 @@ class GraspPlacing:
     def finished(
         self, grasps: Sequence[Grasp], found: Sequence[Clearance]
     ) -> tuple[list[Grasp], list[Clearance]]:
-        """Clear grasps with the narrowest pre-grasp that stays clear, and the way to lift them."""
+        """Clear grasps with the pre-grasp that is answered, and the way to lift them."""
         kept, clearances = list(grasps), list(found)
-        if not self.constrained:
-            return kept, clearances
         self._narrow(kept, clearances, list(range(len(kept))))
         support = self.around.support
         lift = None if support is None else support.normal
@@ -76,11 +74,15 @@ class GraspPlacing:
         if self.settings.pregrasp == "open" or not rows:
             return
         chosen = [grasps[i] for i in rows]
-        narrow = narrow_pregrasp(self.hand, chosen, self.tree, self.settings.pregrasp_clearance_m)
-        checked = self._clearances(narrow)
-        for i, grasp, clearance in zip(rows, narrow, checked, strict=True):
-            if clearance.clear:
-                grasps[i], found[i] = grasp, clearance
+        ways = (False, True) if self.settings.pregrasp == "together" else (False,)
+        for together in ways:
+            narrow = narrow_pregrasp(
+                self.hand, chosen, self.tree, self.settings.pregrasp_clearance_m, together
+            )
+            checked = self._clearances(narrow)
+            for i, grasp, clearance in zip(rows, narrow, checked, strict=True):
+                if clearance.clear:
+                    grasps[i], found[i] = grasp, clearance
 
     def _clearances(self, grasps: Sequence[Grasp]) -> list[Clearance]:
         """From the surroundings; blocked as well where the request forbids the grasp."""

@@ -13,10 +13,12 @@ import numpy as np
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
+from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
+from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
@@ -88,6 +90,7 @@ class PlanRun:
         self._owned = ExitStack()
         self._scene: BulletEvaluator | None = None
         self._constraints = make_constraints(self.hand, request, place, settings)
+        self._constrained: ConstrainedEvaluator | None = None
         self._evaluator = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
         self._context = PlanningContext(
@@ -158,21 +161,19 @@ class PlanRun:
     @property
     def blocked(self) -> Mapping[str, int]:
         """Attempts with force closure that a constraint forbade, by cause."""
-        evaluator = self._evaluator
-        return evaluator.blocked if isinstance(evaluator, ConstrainedEvaluator) else {}
+        return {} if self._constrained is None else self._constrained.blocked
 
     @property
     def screened(self) -> Mapping[str, int]:
         """Hands that a constraint did not let close, by its name."""
-        evaluator = self._evaluator
-        return evaluator.screened if isinstance(evaluator, ConstrainedEvaluator) else {}
+        return {} if self._constrained is None else self._constrained.screened
 
     @property
     def _n_wanted(self) -> int:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
 
-    def _make_evaluator(self) -> CompiledEvaluator | BulletEvaluator | ConstrainedEvaluator:
+    def _make_evaluator(self) -> GraspEvaluator:
         scene = self.settings.scene
         arguments = (
             self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
@@ -180,9 +181,10 @@ class PlanRun:
         if scene.search_evaluator == "bullet":
             return self._owned.enter_context(BulletEvaluator(*arguments))
         compiled = CompiledEvaluator(*arguments)
-        if not self._constraints:
-            return compiled
-        return ConstrainedEvaluator(compiled, self.hand, self._constraints, scene.retreat_m)
+        self._constrained = ConstrainedEvaluator(
+            compiled, self.hand, self._constraints, scene.retreat_m
+        )
+        return with_balance(self._constrained, self.hand, self.part, self.settings)
 
     def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
         """Which grasps PyBullet's scene agrees with."""
@@ -215,6 +217,7 @@ class PlanRun:
         trials = RunningTrials(
             self.part, self.hand, verification, made, cases, kept.save, self.monitor.now
         )
+        self._owned.callback(kept.save, made.cover)
         self._owned.callback(trials.close)
         return trials
 

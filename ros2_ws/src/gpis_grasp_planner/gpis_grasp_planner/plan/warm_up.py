@@ -29,6 +29,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
 from gpis_grasp_planner.hand.link_mesh import convex_hull
+from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -116,7 +117,8 @@ def warm_up(
     grasps: list[Grasp] = []
     for name in planners or PLANNERS:
         began = time.monotonic()
-        evaluator = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
+        compiled = CompiledEvaluator(hand, part, friction, settings.scene, field, tree)
+        evaluator = with_balance(compiled, hand, part, settings)
         context = PlanningContext(
             part=part,
             hand=hand,
@@ -166,7 +168,8 @@ def compile_group(group: str) -> None:
     """
     part, hand = box_part(), load_hand(DEFAULT_HAND)
     settings = PlannerSettings(scene=SceneSettings(field_cells=FIELD_CELLS))
-    evaluator = CompiledEvaluator(hand, part, Friction(0.6, 0.6), settings.scene)
+    compiled = CompiledEvaluator(hand, part, Friction(0.6, 0.6), settings.scene)
+    evaluator = with_balance(compiled, hand, part, settings)
     # A batch of none runs no loop, but every function of the loop is there afterwards.
     poses, spread, vectors = np.empty((0, 4, 4)), np.empty(0), np.empty((0, 3))
     if group == "attempts":
@@ -175,7 +178,7 @@ def compile_group(group: str) -> None:
         return
     surface = fit_part(part.mesh, SurfaceSettings(n_samples=50))
     surface.value(surface.points[:1])
-    evaluator.tree.nearest(surface.points[:1])
+    compiled.tree.nearest(surface.points[:1])
     evaluator.clear_palm(poses, vectors, spread, spread)
 
 

@@ -98,4 +98,5 @@ def _grasp(candidate: Candidate, context: PlanningContext, epsilon: float, volum
         volume=volume,
         approach_direction=T_object_palm[:3, 2].copy(),
         approach_distance=context.settings.scene.retreat_m,
+        imbalance=None if attempts.imbalance is None else float(attempts.imbalance[i]),
     )

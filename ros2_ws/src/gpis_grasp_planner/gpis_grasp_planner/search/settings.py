@@ -123,6 +123,14 @@ class HppSettings(SettingsGroup):
         description="lambda of the objective: epsilon + lambda volume.",
         common=True,
     )
+    balance_friction_share: float = setting(
+        0.67,
+        low=0.0,
+        high=1.0,
+        description="Share of the friction by which the closing hand's own forces should balance; "
+        "what they leave over lowers the objective. 0 (the paper's form): nobody asks.",
+        common=True,
+    )
     palm_clearance_m: float = setting(
         0.12,
         low=0.0,

@@ -19,15 +19,16 @@ class ClearanceSettings(SettingsGroup):
         common=True,
     )
     pregrasp: str = setting(
-        "narrow",
-        choices=("open", "narrow"),
-        description="Approach with the fingers open, or just wide enough.",
+        "together",
+        choices=("open", "narrow", "together"),
+        description="Approach with the fingers open, just wide enough, or, beyond that, so that "
+        "they arrive at the part together.",
     )
     pregrasp_clearance_m: float = setting(
         0.015,
         low=0.001,
         high=0.1,
-        description="Distance that the fingers of a narrow pre-grasp keep from the part.",
+        description="Distance that the fingers of a pre-grasp that is not open keep from the part.",
     )
     support_tolerance_m: float = setting(
         0.005,

@@ -1,8 +1,12 @@
-"""A pre-grasp just wide enough: fingers closed as far as the part leaves them room.
+"""A pre-grasp just wide enough, from which the fingers arrive together.
 
 Open fingers reach far beyond the part and into whatever stands beside it. Since the fingers of
 the narrow pre-grasp lie on the way from open to closed, and the drive's law has no memory before
 the first contact, closing from either ends in the same grasp (up to the closing's tolerance).
+
+A finger that meets the part before the others pushes it along until they come. So fingers that have
+less way to their contact than the last one start wider by the difference: all motors run at one
+speed, and the contacts come together.
 """
 
 from __future__ import annotations
@@ -31,7 +35,11 @@ _FINGERS_APART_M = 0.002
 
 
 def narrow_pregrasp(
-    hand: HandDescription, grasps: Sequence[Grasp], tree: TriangleTree, clearance_m: float
+    hand: HandDescription,
+    grasps: Sequence[Grasp],
+    tree: TriangleTree,
+    clearance_m: float,
+    together: bool = False,
 ) -> list[Grasp]:
     """The grasps with each finger's pre-grasp closed until it would come within a clearance.
 
@@ -48,6 +56,8 @@ def narrow_pregrasp(
     clearance_m : float [m]
         Should exceed what the part's pose may be wrong by, or the fingers meet the part on the
         approach.
+    together : bool
+        Start the touching fingers so that they arrive together, where that stays as free.
 
     Notes
     -----
@@ -79,11 +89,45 @@ def narrow_pregrasp(
         wide &= ~free(motors, wide, approach=True)
         motors = np.where(wide, np.maximum(motors - _STEP_RAD, start), motors)
         wide &= motors > start
+    if together:
+        touches = can & _touching(hand, grasps)
+        way = np.where(touches, np.minimum(stop, end) - motors, -np.inf)
+        longest = way.max(axis=1, keepdims=True)
+        wider = np.where(touches, np.maximum(motors - (longest - way), start), motors)
+        moved = wider < motors - 1e-9
+        as_free = free(wider, moved, approach=True) | ~moved
+        motors = np.where(as_free.all(axis=1, keepdims=True), wider, motors)
     narrow = joints_from_motors(hand, spread, motors, stop)
     return [
         grasp if _fingers_meet(hand, joints) else replace(grasp, pregrasp_joints=joints)
         for grasp, joints in zip(grasps, narrow, strict=True)
     ]
+
+
+def arrival_spread_s(hand: HandDescription, grasp: Grasp) -> float:
+    """Time [s] between the first and the last finger's contact when all close from the pre-grasp.
+
+    By the motors' ways and speeds; 0 where fewer than two fingers touch.
+    """
+    touches = _touching(hand, [grasp])[0]
+    _, start = motors_from_joints(hand, grasp.pregrasp_joints)
+    _, end = motors_from_joints(hand, grasp.joints)
+    stop = grasp.joints[[finger.inner_joint for finger in hand.fingers]]
+    times = (np.minimum(stop, end[0]) - start[0]) / hand.drive.motor_speed[1:]
+    return float(np.ptp(times[touches])) if touches.sum() > 1 else 0.0
+
+
+def _touching(hand: HandDescription, grasps: Sequence[Grasp]) -> NDArray[np.bool_]:
+    """Which fingers (B, F) have contacts."""
+    return np.array(
+        [
+            [
+                bool(np.isin(grasp.contacts.links, (f.inner_link, f.distal_link)).any())
+                for f in hand.fingers
+            ]
+            for grasp in grasps
+        ]
+    )
 
 
 def _fingers_are_free(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.grasp.trials import TrialOutcome
+from gpis_grasp_planner.verification.engines import engine_names
 from gpis_grasp_planner.verification.pose_noise import displacements, drawn_displacements
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -38,6 +39,8 @@ class TrialCase:
             verdict.cause,
             1e-3 * verdict.largest_slip_mm,
             float(np.radians(verdict.largest_rotation_deg)),
+            verdict.closing_slip_m,
+            verdict.closing_rotation_rad,
         )
 
 
@@ -83,4 +86,5 @@ def finalist_cases(
 
 
 def _name(settings: VerificationSettings) -> str:
-    return f"friction {settings.friction:g}, {settings.mass_kg:.3g} kg"
+    engines = " and ".join(engine_names(settings.engine))
+    return f"friction {settings.friction:g}, {settings.mass_kg:.3g} kg, {engines}"

@@ -12,8 +12,8 @@ Goren and Cohen-Or, 2013).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,13 @@ _LATTICE = np.array(
     [(i, j, 6 - i - j) for i in range(7) for j in range(7 - i) if max(i, j, 6 - i - j) < 6]
 )
 _LATTICE = _LATTICE / 6.0
+
+
+class Piece(NamedTuple):
+    """A convex piece: vertices (n, 3) [m] of its hull, and the faces (k,) that it covers."""
+
+    points: Array
+    faces: NDArray[np.int64]
 
 
 class _Solid(NamedTuple):
@@ -72,6 +79,7 @@ class ConvexCover:
         self, mesh: TriangleMesh, field: DistanceField, tree: TriangleTree, tolerance: float = 2e-4
     ):
         self.pieces: list[Array] = []
+        self._faces_of: list[NDArray[np.int64]] = []
         self._solid_faces = mesh.face_areas > 1e-12
         self._vertices = np.ascontiguousarray(mesh.vertices, dtype=float)
         self._faces = np.ascontiguousarray(mesh.faces[self._solid_faces], dtype=np.int64)
@@ -130,19 +138,49 @@ class ConvexCover:
             self._cover(int(seed))
         return len(self.pieces) > before
 
-    def as_arrays(self) -> dict[str, Array]:
-        """A complete cover as arrays, for :meth:`take_arrays`."""
-        sizes = [len(piece) for piece in self.pieces]
+    @property
+    def n_covered(self) -> int:
+        """Faces of some area that are covered."""
+        return int(self._covered.sum())
+
+    def since(self, n_pieces: int) -> list[Piece]:
+        """The pieces made after the first `n_pieces`, for :meth:`take` of another process."""
+        return [
+            Piece(points, faces)
+            for points, faces in zip(self.pieces[n_pieces:], self._faces_of[n_pieces:], strict=True)
+        ]
+
+    def take(self, pieces: Sequence[Piece]) -> None:
+        """Take over what another process made of the same mesh.
+
+        A piece of which less than half is new is left: pieces that overlap cost contacts twice.
+        """
+        for points, faces in pieces:
+            if 2 * int((~self._covered[faces]).sum()) > len(faces):
+                self._add(points, faces)
+
+    def as_arrays(self) -> dict[str, NDArray[Any]]:
+        """What there is of the cover as arrays, for :meth:`take_arrays`."""
         return {
             "points": np.concatenate(self.pieces or [np.empty((0, 3))]),
-            "ends": np.cumsum(sizes, dtype=float),
+            "ends": np.cumsum([len(piece) for piece in self.pieces], dtype=np.int64),
+            "faces": np.concatenate(self._faces_of or [np.empty(0, dtype=np.int64)]),
+            "face_ends": np.cumsum([len(faces) for faces in self._faces_of], dtype=np.int64),
+            "covered": self._covered,
         }
 
-    def take_arrays(self, arrays: Mapping[str, Array]) -> None:
-        """Take a complete cover of the same mesh and tolerance, made before."""
-        ends = arrays["ends"].astype(int)
-        self.pieces = np.split(arrays["points"], ends[:-1]) if len(ends) else []
-        self._covered[:] = True
+    def take_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take a cover of the same mesh and tolerance, made before, in place of what there is."""
+        if not len(arrays["ends"]):
+            return
+        self.pieces = np.split(arrays["points"], arrays["ends"][:-1])
+        self._faces_of = np.split(arrays["faces"], arrays["face_ends"][:-1])
+        self._covered[:] = arrays["covered"]
+
+    def _add(self, points: Array, faces: NDArray[np.int64]) -> None:
+        self.pieces.append(points)
+        self._faces_of.append(faces)
+        self._covered[faces] = True
 
     def _cover(self, seed: int) -> None:
         """Grow a piece from a face and mark what lies in it."""
@@ -168,7 +206,7 @@ class ConvexCover:
         self._covered[seed] = True
         self._last = max(len(members), 8)
         if piece is not None:
-            self.pieces.append(piece)
+            self._add(piece, taken)
 
 
 def convex_cover(

@@ -26,14 +26,14 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
-from gpis_grasp_planner.verification.bullet.bodies import link_hulls
-from gpis_grasp_planner.verification.bullet.trial import TrialWorld
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
+from gpis_grasp_planner.verification.engines import engine_names, load, make_engine
 from gpis_grasp_planner.verification.motion import PushWatch
 from gpis_grasp_planner.verification.reach import FAR, NEAR, Allowance, Reach
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.start import StartFinder
+from gpis_grasp_planner.verification.trial_world import TrialWorld
 
 Array = NDArray[np.float64]
 
@@ -89,6 +89,11 @@ class Verifier:
         End a grasp's trial with the first direction that fails.
     whole_cover : bool
         Cover the whole part by convex pieces, not only what a grasp's hand may reach.
+
+    Attributes
+    ----------
+    worlds : tuple of TrialWorld
+        One for each engine of the settings; a grasp has to hold in all of them.
     """
 
     def __init__(
@@ -106,22 +111,28 @@ class Verifier:
         self._prepared = prepared or prepare(part, settings)
         self._start = StartFinder.of(hand, self._prepared.field)
         self._reach = Reach.of(hand, part.working_mesh)
-        self.world = TrialWorld(hand, part, settings)
+        self.worlds = tuple(
+            TrialWorld(name, make_engine(name, hand, part, settings), hand, part, settings)
+            for name in engine_names(settings.engine)
+        )
         self.scene = BulletWorld.of_part(hand, part, self._prepared.field, self._prepared.tree)
 
     def __enter__(self) -> Verifier:
-        self.world.__enter__()
         self.scene.__enter__()
+        for world in self.worlds:
+            world.__enter__()
         return self
 
     def __exit__(self, *error: object) -> None:
+        for world in self.worlds:
+            world.__exit__(None, None, None)
         self.scene.__exit__(None, None, None)
-        self.world.__exit__(None, None, None)
 
     def use(self, settings: VerificationSettings) -> None:
         """Go on with another friction and mass; other settings must be the same (0.1 ms)."""
         self.settings = settings
-        self.world.use(settings)
+        for world in self.worlds:
+            world.use(settings)
 
     def verify(self, grasp: Grasp) -> Verification:
         """Try a grasp as it was planned."""
@@ -149,24 +160,27 @@ class Verifier:
             return self._verdict("collision", start)
         return self._try(back, grasp, 0.0, start, FAR)
 
-    def close_on(self, T_object_palm: Array, grasp: Grasp, allowance: Allowance = FAR) -> bool:
-        """Place the hand and close it on the held part; whether it closed in time."""
+    def close_on(
+        self, world: TrialWorld, T_object_palm: Array, grasp: Grasp, allowance: Allowance = FAR
+    ) -> bool:
+        """Place the hand in a world and close it on the held part; whether it closed in time."""
         joints = self._start.start_joints(T_object_palm, grasp.pregrasp_joints)
         self._cover(T_object_palm, joints, grasp.joints, allowance)
-        self.world.place(T_object_palm, joints)
-        return self.world.close()
+        pieces = self._prepared.cover.pieces
+        if world.n_pieces != len(pieces):
+            world.take_pieces(pieces)
+        world.place(T_object_palm, joints)
+        return world.close()
 
     def _cover(self, T_object_palm: Array, start: Array, closed: Array, allowed: Allowance) -> None:
-        """Give the world's part all convex pieces that the hand may meet in this trial."""
+        """Make all convex pieces of the part that the hand may meet in this trial."""
         cover = self._prepared.cover
         faces = None
         if not self.whole_cover:
             faces = self._reach.faces(T_object_palm, start, closed, allowed)
-        added = cover.add(faces)
+        cover.add(faces)
         if not cover.pieces:  # a hand that reaches nothing still has a part beside it
-            added = cover.add()
-        if added or self.world.n_pieces != len(cover.pieces):
-            self.world.take_pieces(cover.pieces)
+            cover.add()
 
     def _covered_far(self, T_object_palm: Array, grasp: Grasp) -> bool:
         """Whether a trial with the wide allowance would have no piece more."""
@@ -187,55 +201,70 @@ class Verifier:
         start: float,
         allowance: Allowance,
     ) -> Verification:
-        world, settings = self.world, self.settings
-        if not self.close_on(T_object_palm, grasp, allowance):
-            return self._verdict("not closed", start, penetration_m=depth)
+        """The verdict of the engines in turn: of the first that fails, else of the most slip."""
+        verdicts: list[Verification] = []
+        for world in self.worlds:
+            verdict = self._try_in(world, T_object_palm, grasp, depth, allowance)
+            verdicts.append(replace(verdict, elapsed_s=time.perf_counter() - start))
+            if not verdict.held:
+                return verdicts[-1]
+        most = max(verdicts, key=lambda verdict: verdict.largest_slip_mm)
+        return replace(most, elapsed_s=verdicts[-1].elapsed_s)
+
+    def _try_in(
+        self,
+        world: TrialWorld,
+        T_object_palm: Array,
+        grasp: Grasp,
+        depth: float,
+        allowance: Allowance,
+    ) -> Verification:
+        settings = self.settings
+        verdict = replace(self._verdict("", 0.0, penetration_m=depth), engine=world.name)
+        if not self.close_on(world, T_object_palm, grasp, allowance):
+            return replace(verdict, cause="not closed")
         before = world.part_pose()
         world.release()
         closing = world.motion_since(before)
         contacts = world.contacts()
         links = sorted({c.link for c in contacts if c.force_n > _PRESSES_N})
         depth = max([depth, *(c.depth_m for c in contacts)])
-        verdict = self._verdict(
-            "",
-            start,
+        verdict = replace(
+            verdict,
             penetration_m=depth,
             touching=tuple(self.hand.link_names[link] for link in links),
             closing_slip_m=closing.slip_m,
             closing_rotation_rad=closing.rotation_rad,
         )
         if not closing.within(settings):
-            cause = "lost while closing"
-        elif depth > settings.penetration_limit_m:
-            cause = "penetration"
-        elif len({self._group(link) for link in links}) < 2:
-            cause = "too few touch"
-        else:
-            results = self._six_directions()
-            held = all(result.held for result in results) and len(results) == len(DIRECTIONS)
-            verdict = replace(verdict, directions=results, held=held)
-            cause = "" if held else "slipped"
-        return replace(verdict, cause=cause, elapsed_s=time.perf_counter() - start)
+            return replace(verdict, cause="lost while closing")
+        if depth > settings.penetration_limit_m:
+            return replace(verdict, cause="penetration")
+        if len({self._group(link) for link in links}) < 2:
+            return replace(verdict, cause="too few touch")
+        results = self._six_directions(world)
+        held = all(result.held for result in results) and len(results) == len(DIRECTIONS)
+        return replace(verdict, directions=results, held=held, cause="" if held else "slipped")
 
-    def _six_directions(self) -> tuple[DirectionResult, ...]:
-        saved = self.world.save()
+    def _six_directions(self, world: TrialWorld) -> tuple[DirectionResult, ...]:
+        saved = world.save()
         results: list[DirectionResult] = []
         for direction in DIRECTIONS:
-            self.world.restore(saved)
-            results.append(self._push(direction))
+            world.restore(saved)
+            results.append(self._push(world, direction))
             if self.stop_at_failure and not results[-1].held:
                 break
-        self.world.forget(saved)
+        world.forget(saved)
         return tuple(results)
 
-    def _push(self, direction: Array) -> DirectionResult:
+    def _push(self, world: TrialWorld, direction: Array) -> DirectionResult:
         """One direction: to its end, to the loss of the part, or until it is seen to stay."""
-        before = self.world.part_pose()
+        before = world.part_pose()
         acceleration = self.settings.acceleration_m_s2 * direction
         watch = PushWatch(self.settings)
         while not watch.over:
-            step_s = self.world.run(watch.next_s, acceleration)
-            watch.see(step_s, self.world.motion_since(before))
+            step_s = world.run(watch.next_s, acceleration)
+            watch.see(step_s, world.motion_since(before))
         return DirectionResult(
             (float(direction[0]), float(direction[1]), float(direction[2])),
             watch.held,
@@ -251,15 +280,7 @@ class Verifier:
                 return finger.name
         return "palm"
 
-    def _verdict(
-        self,
-        cause: str,
-        start: float,
-        penetration_m: float = 0.0,
-        touching: tuple[str, ...] = (),
-        closing_slip_m: float = 0.0,
-        closing_rotation_rad: float = 0.0,
-    ) -> Verification:
+    def _verdict(self, cause: str, start: float, penetration_m: float = 0.0) -> Verification:
         return Verification(
             held=False,
             cause=cause,
@@ -267,10 +288,11 @@ class Verifier:
             mass_kg=self.settings.mass_kg,
             directions=(),
             penetration_m=penetration_m,
-            touching=touching,
-            closing_slip_m=closing_slip_m,
-            closing_rotation_rad=closing_rotation_rad,
+            touching=(),
+            closing_slip_m=0.0,
+            closing_rotation_rad=0.0,
             elapsed_s=time.perf_counter() - start,
+            engine=self.worlds[0].name,
         )
 
 
@@ -311,7 +333,7 @@ def verify(
     moves = list(displacements) if displacements is not None else [None] * len(grasps)
     prepared = prepare(part, settings)
     make = partial(Verifier, part, hand, settings, prepared, stop_at_failure)
-    link_hulls(hand)  # here, so that no child needs to
+    load(settings.engine, hand)  # here, so that no child needs to
     if min(processes, len(grasps)) <= 1:
         with make() as verifier:
             return [_one(verifier, g, move) for g, move in zip(grasps, moves, strict=True)]

@@ -53,6 +53,8 @@ class Verification:
         How far the part went when it was let go into the closed hand.
     elapsed_s : float
         Computing time.
+    engine : str
+        Where it was tried; of several engines the one that the figures are of.
     """
 
     held: bool
@@ -65,6 +67,7 @@ class Verification:
     closing_slip_m: float
     closing_rotation_rad: float
     elapsed_s: float
+    engine: str = "bullet"
 
     @property
     def largest_slip_mm(self) -> float:

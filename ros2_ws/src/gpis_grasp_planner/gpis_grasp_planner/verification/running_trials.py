@@ -21,9 +21,9 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.verification.bullet.bodies import link_hulls
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
+from gpis_grasp_planner.verification.engines import load
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -89,7 +89,8 @@ class RunningTrials:
         clock: Callable[[], float] = time.monotonic,
     ):
         self._settings, self._cases, self._clock = settings, cases, clock
-        link_hulls(hand)  # here, so that no child needs to
+        load(settings.engine, hand)  # here, so that no child needs to
+        self._cover = prepared.cover
         self._serve = partial(_serve, part, hand, prepared, cases, on_complete)
         self._tried: dict[bytes, _Tried] = {}
         self._offered: list[_Tried] = []
@@ -200,10 +201,11 @@ class RunningTrials:
         child, job = self._working.pop(ready)
         job.tried.running = False
         try:
-            verdict: Verification = child.connection.recv()
+            verdict, pieces = child.connection.recv()
         except (EOFError, OSError):
             self._lose(child, job)
             return
+        self._cover.take(pieces)  # later children and plans need not make them again
         job.tried.outcomes.append(self._cases[job.case].outcome(verdict))
         self._idle.append(child)
 
@@ -254,6 +256,7 @@ def _serve(
             return verifier.verify_displaced(grasp, case.displacement)
 
         told = prepared.cover.is_complete()
+        sent = len(prepared.cover.pieces)
         while True:
             # With nothing to try the rest of the cover is made, for later grasps and plans.
             while not connection.poll(0.0) and not prepared.cover.is_complete():
@@ -261,4 +264,6 @@ def _serve(
             if prepared.cover.is_complete() and not told and on_complete is not None:
                 on_complete(prepared.cover)
                 told = True
-            connection.send(answer(connection.recv()))
+            verdict = answer(connection.recv())
+            connection.send((verdict, prepared.cover.since(sent)))
+            sent = len(prepared.cover.pieces)

@@ -6,11 +6,20 @@ from dataclasses import dataclass
 
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
+ENGINE_CHOICES = ("auto", "bullet", "mujoco", "both")
+
 
 @dataclass(frozen=True)
 class VerificationSettings(SettingsGroup):
     """The strict protocol; the physics' figures were chosen by the study in the documentation."""
 
+    engine: str = setting(
+        "auto",
+        choices=ENGINE_CHOICES,
+        description="Physics engine of the trials: mujoco where it is installed, else bullet; with "
+        "both a grasp has to hold in each.",
+        common=True,
+    )
     friction: float = setting(
         0.6,
         low=0.0,
@@ -101,9 +110,17 @@ class VerificationSettings(SettingsGroup):
         description="Share of the time left after the preparation that is for the trials alone; "
         "before that they run beside the search.",
     )
-    rate_hz: float = setting(960.0, low=60.0, high=10000.0, description="Time steps per second.")
+    rate_hz: float = setting(
+        480.0, low=60.0, high=10000.0, description="Bullet's time steps per second."
+    )
     solver_iterations: int = setting(
-        50, low=5, high=1000, description="Iterations of the contact solver in a step, for 0.1 kg."
+        400,
+        low=5,
+        high=4000,
+        description="Iterations of Bullet's contact solver in a step, for 0.1 kg.",
+    )
+    mujoco_rate_hz: float = setting(
+        960.0, low=60.0, high=10000.0, description="MuJoCo's time steps per second."
     )
     cover_tolerance_m: float = setting(
         2e-4, low=2e-5, high=2e-3, description="How far convex pieces may stand out of the object."

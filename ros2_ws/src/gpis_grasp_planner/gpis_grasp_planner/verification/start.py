@@ -62,7 +62,7 @@ class StartFinder:
         for finger in self.hand.fingers:
             first = float(pregrasp_joints[finger.inner_joint])
             upper = float(self.hand.joint_upper[finger.inner_joint])
-            travel = np.arange(first, upper, _TRAVEL_STEP_RAD)
+            travel = np.append(np.arange(first, upper, _TRAVEL_STEP_RAD), max(first, upper))
             closing = np.repeat(joints[None], len(travel), axis=0)
             closing[:, finger.inner_joint] = travel
             closing[:, finger.distal_joint] = np.maximum(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.verification.motion import NO_MOTION, Motion
 from gpis_grasp_planner.verification.protocol import Verifier
+from gpis_grasp_planner.verification.trial_world import TrialWorld
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ def lift_accelerations(up: Array, lift_m: float, shake_m: float) -> Array:
 
 
 def verify_lift(verifier: Verifier, grasp: Grasp, up_in_part: Array) -> LiftResult:
-    """Lift a part by a grasp and shake it.
+    """Lift a part by a grasp and shake it, in each of the verifier's engines.
 
     Parameters
     ----------
@@ -74,10 +75,18 @@ def verify_lift(verifier: Verifier, grasp: Grasp, up_in_part: Array) -> LiftResu
     up_in_part : (3,) array
         Which way is up, in the part's frame.
     """
-    start = time.perf_counter()
-    world, settings = verifier.world, verifier.settings
+    results = []
+    for world in verifier.worlds:
+        results.append(_lift_in(world, verifier, grasp, up_in_part))
+        if not results[-1].held:
+            break
+    return results[-1]
+
+
+def _lift_in(world: TrialWorld, verifier: Verifier, grasp: Grasp, up_in_part: Array) -> LiftResult:
+    start, settings = time.perf_counter(), verifier.settings
     failed = LiftResult(False, "not closed", 0.0, 0.0, 0.0, 0.0)
-    if not verifier.close_on(grasp.T_object_palm, grasp):
+    if not verifier.close_on(world, grasp.T_object_palm, grasp):
         return replace(failed, elapsed_s=time.perf_counter() - start)
     world.release()
     before = world.part_pose()

@@ -31,6 +31,7 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.packed_arrays import pack, unpack
 from gpis_grasp_planner.scene.arrays import hand_key
 from gpis_grasp_planner.scene.bullet_world import BulletClient, hull_shape
+from gpis_grasp_planner.verification.inertia import inertia_of
 
 Array = NDArray[np.float64]
 
@@ -124,26 +125,6 @@ def fewest_vertices(points: Array, tolerance: float) -> Array:
             hull.add_points(points[[index]])
     except QhullError:
         return np.asarray(points[ConvexHull(points, qhull_options="QJ").vertices])
-
-
-def inertia_of(part: Part) -> tuple[Array, Array]:
-    """Principal moments per mass (3,) [m^2] and axes (3, 3) of a part with even density.
-
-    From the closed surface; a mesh without a sound inside is taken for its bounding box.
-    """
-    triangles = part.mesh.triangles - part.center_of_mass
-    volumes = np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
-    total = float(volumes.sum())
-    sums = triangles.sum(axis=1)
-    second = np.einsum("i,ika,ikb->ab", volumes, triangles, triangles)
-    second += np.einsum("i,ia,ib->ab", volumes, sums, sums)
-    covariance = second / (20.0 * total) if total > 0.0 else np.diag([-1.0] * 3)
-    if part.watertight and np.linalg.eigvalsh(covariance).min() > 0.0:
-        moments, axes = np.linalg.eigh(np.trace(covariance) * np.eye(3) - covariance)
-        axes[:, 2] *= np.linalg.det(axes)
-        return moments, axes
-    squares = part.mesh.extent**2 / 12.0
-    return squares.sum() - squares, np.eye(3)
 
 
 def add_hand(

@@ -11,18 +11,15 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-import numpy as np
-
 from gpis_grasp_planner.hand.description import Finger, HandDescription
-from gpis_grasp_planner.scene.bullet_world import BulletClient
-from gpis_grasp_planner.verification.bullet.bodies import HandBodies
+from gpis_grasp_planner.quality.closing_balance import tip_arms
+from gpis_grasp_planner.verification.engine import Engine
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
 _STALLED = 0.1
 _STALL_TIME_S = 1.0 / 50.0
 _COUPLING_GAIN = 20.0
 _BACK_DRIVEN_RAD = 1e-3
-_TIP_ARM_M = 0.0509  # fingertip from the distal joint: hypot(50, 9.5) mm
 
 
 class Phase(IntEnum):
@@ -39,25 +36,22 @@ class FingerDrive:
 
     def __init__(
         self,
-        client: BulletClient,
+        engine: Engine,
         hand: HandDescription,
         finger: Finger,
-        bodies: HandBodies,
         settings: VerificationSettings,
     ):
-        self.client, self.body, self.finger = client, bodies.fingers, finger
-        self.inner = bodies.joint_of[finger.inner_joint]
-        self.distal = bodies.joint_of[finger.distal_joint]
+        self.engine, self.finger = engine, finger
+        self.inner, self.distal = finger.inner_joint, finger.distal_joint
         self.ratio = hand.drive.distal_per_inner
         self.speed = settings.closing_speed_rad_s
         self.inner_upper = float(hand.joint_upper[finger.inner_joint])
         self.distal_upper = float(hand.joint_upper[finger.distal_joint])
-        tip = hand.T_parent_joint[finger.distal_link] @ [0.05, 0.0095, 0.0, 1.0]
-        inner_arm = float(np.linalg.norm(tip[:3]))
-        self.tip_torque = (settings.tip_force_n * inner_arm, settings.tip_force_n * _TIP_ARM_M)
+        inner_arm, distal_arm = tip_arms(hand, hand.fingers.index(finger))
+        self.tip_torque = (settings.tip_force_n * inner_arm, settings.tip_force_n * distal_arm)
         self.hold_torque = (
             settings.holding_force_n * inner_arm,
-            settings.holding_force_n * _TIP_ARM_M,
+            settings.holding_force_n * distal_arm,
         )
         self.breakaway_torque = min(hand.drive.breakaway_torque, self.tip_torque[0])
         self.phase = Phase.CLOSING
@@ -68,8 +62,8 @@ class FingerDrive:
 
     def start(self) -> None:
         """Begin to close."""
-        self._motor(self.inner, self.speed, self.breakaway_torque)
-        self._motor(self.distal, self.speed * self.ratio, self.hold_torque[1])
+        self.engine.motor(self.inner, self.speed, self.breakaway_torque)
+        self.engine.motor(self.distal, self.speed * self.ratio, self.hold_torque[1])
 
     def snapshot(self) -> tuple[Phase, bool, bool, float, float]:
         """The drive's state, to come back to with :meth:`restore`."""
@@ -85,15 +79,13 @@ class FingerDrive:
 
     def update(self, elapsed_s: float, inner_touches: bool) -> None:
         """Look at the joints after some time and go on to the next phase where it is due."""
-        (q2, v2), (q3, v3) = (
-            state[:2] for state in self.client.getJointStates(self.body, [self.inner, self.distal])
-        )
+        (q2, v2), (q3, v3) = self.engine.joint_states([self.inner, self.distal])
         if self.phase is Phase.ENDED:
             return
         if self._coupled:
             follow = self.ratio * (self.speed if self.phase is Phase.CLOSING else 0.0)
             follow += _COUPLING_GAIN * (self.ratio * q2 - q3)
-            self._motor(self.distal, follow, self.hold_torque[1])
+            self.engine.motor(self.distal, follow, self.hold_torque[1])
         moving = v2 if self._coupled else v3
         self._stalled_s = self._stalled_s + elapsed_s if moving < _STALLED * self.speed else 0.0
         position = q2 if self._coupled else q3
@@ -119,20 +111,11 @@ class FingerDrive:
     def _press(self) -> None:
         inner, distal = self.hold_torque if self._driven_back else self.tip_torque
         if self._coupled:
-            self._motor(self.inner, self.speed, inner)
+            self.engine.motor(self.inner, self.speed, inner)
         else:
-            self._motor(self.inner, 0.0, self.hold_torque[0])
-            self._motor(self.distal, self.speed * (1.0 + self.ratio), distal)
+            self.engine.motor(self.inner, 0.0, self.hold_torque[0])
+            self.engine.motor(self.distal, self.speed * (1.0 + self.ratio), distal)
 
     def _end(self) -> None:
-        self._motor(self.inner, 0.0, self.hold_torque[0])
-        self._motor(self.distal, 0.0, self.hold_torque[1])
-
-    def _motor(self, joint: int, velocity: float, torque: float) -> None:
-        self.client.setJointMotorControl2(
-            self.body,
-            joint,
-            self.client.VELOCITY_CONTROL,
-            targetVelocity=velocity,
-            force=torque,
-        )
+        self.engine.motor(self.inner, 0.0, self.hold_torque[0])
+        self.engine.motor(self.distal, 0.0, self.hold_torque[1])

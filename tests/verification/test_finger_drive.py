@@ -10,28 +10,37 @@ import pytest
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.verification.bullet.drive import Phase
-from gpis_grasp_planner.verification.bullet.trial import TrialWorld
+from gpis_grasp_planner.verification.engines import make_engine
+from gpis_grasp_planner.verification.finger_drive import Phase
 from gpis_grasp_planner.verification.settings import VerificationSettings
+from gpis_grasp_planner.verification.trial_world import TrialWorld
+
+pytestmark = pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+
+
+def world_of(
+    engine: str, hand: HandDescription, part: Part, settings: VerificationSettings
+) -> TrialWorld:
+    return TrialWorld(engine, make_engine(engine, hand, part, settings), hand, part, settings)
 
 
 def angles(world: TrialWorld) -> np.ndarray:
     """(fingers, 2): inner and distal joint."""
     return np.array(
         [
-            [s[0] for s in world.client.getJointStates(d.body, [d.inner, d.distal])]
+            [state[0] for state in world.engine.joint_states([d.inner, d.distal])]
             for d in world.drives
         ]
     )
 
 
 def test_a_free_finger_keeps_its_coupling_to_the_end(
-    hand: HandDescription, make_box: Callable[..., Part]
+    engine: str, hand: HandDescription, make_box: Callable[..., Part]
 ) -> None:
     part = make_box(0.01, 0.01, 0.01)
     T = np.eye(4)
     T[2, 3] = 1.0
-    with TrialWorld(hand, part, VerificationSettings()) as world:
+    with world_of(engine, hand, part, VerificationSettings()) as world:
         world.take_pieces([part.mesh.vertices])
         world.place(T, np.zeros(hand.n_joints))
         for drive in world.drives:
@@ -46,28 +55,16 @@ def test_a_free_finger_keeps_its_coupling_to_the_end(
         assert angles(world)[:, 0] == pytest.approx(hand.joint_upper[2], abs=0.02)
 
 
-def torque_of_contacts(world: TrialWorld, links: tuple[int, int], inner: int) -> float:
-    """Torque [N m] about an inner joint's axis that the contacts of links resist.
+def test_a_finger_presses_with_its_torque(
+    engine: str, bar: Part, hand: HandDescription, firm: Grasp
+) -> None:
+    """The held bar takes from a finger a force of the tip force, by the lever of the contact.
 
-    PyBullet's friction forces have the sign of the reaction on the other body.
+    The force is normal at the contact of two round bodies, up to friction, which is taken away.
     """
-    client, body = world.client, world.drives[0].body
-    state = client.getLinkState(body, inner, computeForwardKinematics=True)
-    origin = np.array(state[4])
-    axis = np.array(client.getMatrixFromQuaternion(state[5])).reshape(3, 3)[:, 2]
-    torque = np.zeros(3)
-    for link in links:
-        for row in client.getContactPoints(bodyA=body, linkIndexA=link):
-            lateral = row[10] * np.array(row[11]) + row[12] * np.array(row[13])
-            torque += np.cross(np.array(row[5]) - origin, row[9] * np.array(row[7]) - lateral)
-    return float(-torque @ axis)
-
-
-def test_a_finger_presses_with_its_torque(bar: Part, hand: HandDescription, firm: Grasp) -> None:
-    """What the held part takes from a finger is the torque of the full force at its tip."""
     for tip_force in (8.0, 15.0):
-        settings = VerificationSettings(tip_force_n=tip_force)
-        with TrialWorld(hand, bar, settings) as world:
+        settings = VerificationSettings(tip_force_n=tip_force, friction=0.0)
+        with world_of(engine, hand, bar, settings) as world:
             world.take_pieces([bar.mesh.vertices])
             start = firm.pregrasp_joints.copy()
             for finger in hand.fingers:
@@ -81,19 +78,35 @@ def test_a_finger_presses_with_its_torque(bar: Part, hand: HandDescription, firm
             assert inner == pytest.approx(planned, abs=0.03)
             assert distal == pytest.approx(inner / 3, abs=0.03)
             for drive in world.drives:
-                resisted = torque_of_contacts(world, (drive.inner, drive.distal), drive.inner)
-                print(drive.finger.name, resisted, drive.tip_torque[0])
+                links = (drive.finger.inner_link, drive.finger.distal_link)
+                rows = [i for i, link in enumerate(firm.contacts.links) if link in links]
+                lever = normal_lever(hand, firm, rows[0], drive.finger.inner_link)
+                pressed = sum(world.engine.press_of(link) for link in links)
+                print(drive.finger.name, pressed, lever, drive.tip_torque[0])
                 assert drive.tip_torque[0] == pytest.approx(tip_force * 0.1106, rel=0.02)
-                assert resisted == pytest.approx(drive.tip_torque[0], rel=0.1)
+                assert pressed * lever == pytest.approx(drive.tip_torque[0], rel=0.1)
+
+
+def normal_lever(hand: HandDescription, grasp: Grasp, row: int, inner_link: int) -> float:
+    """Lever [m] of a contact's normal about the axis of a finger's inner joint."""
+    from gpis_grasp_planner.hand.kinematics import link_transforms
+
+    T = grasp.T_object_palm @ link_transforms(hand, grasp.joints)[0, inner_link]
+    arm = grasp.contacts.positions[row] - T[:3, 3]
+    axis = T[:3, :3] @ hand.joint_axis[inner_link]
+    return float(np.cross(arm, grasp.contacts.normals_inward[row]) @ axis)
 
 
 def test_an_inner_link_that_meets_the_part_is_freed(
-    hand: HandDescription, make_box: Callable[..., Part], grasp_of: Callable[..., Grasp]
+    engine: str,
+    hand: HandDescription,
+    make_box: Callable[..., Part],
+    grasp_of: Callable[..., Grasp],
 ) -> None:
     """A tall box near the inner links: they stop, the distal links go on past a third."""
     part = make_box(0.06, 0.10, 0.10)
     grasp = grasp_of(part, np.array([0.0, 0.0, 0.145]))
-    with TrialWorld(hand, part, VerificationSettings()) as world:
+    with world_of(engine, hand, part, VerificationSettings()) as world:
         world.take_pieces([part.mesh.vertices])
         world.place(grasp.T_object_palm, grasp.pregrasp_joints)
         assert world.close()
