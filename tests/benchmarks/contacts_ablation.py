@@ -30,6 +30,7 @@ from gpis_grasp_benchmark.markdown import table  # noqa: E402
 from gpis_grasp_benchmark.parts.hard import class_of  # noqa: E402
 from gpis_grasp_benchmark.study_objects import collect  # noqa: E402
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator  # noqa: E402
+from gpis_grasp_planner.plan.closing_balance import with_balance  # noqa: E402
 from gpis_grasp_planner.plan.constraints import make_constraints  # noqa: E402
 from gpis_grasp_planner.plan.planner import GraspPlanner  # noqa: E402
 from gpis_grasp_planner.plan.request import PlanRequest  # noqa: E402
@@ -59,11 +60,11 @@ def run(planner, part, place_name, settings, seed, seconds):
     friction = request.friction_for(part.friction)
     prepared = planner.prepare(part)
     hand, scene = planner.hand, settings.scene
-    evaluator = CompiledEvaluator(hand, part, friction, scene, prepared.field, prepared.tree)
-    constraints = ()
-    if place_name == "table":
-        constraints = make_constraints(hand, request, on_table(part), settings)
-        evaluator = ConstrainedEvaluator(evaluator, hand, constraints, scene.retreat_m)
+    compiled = CompiledEvaluator(hand, part, friction, scene, prepared.field, prepared.tree)
+    place = on_table(part) if place_name == "table" else Place()
+    constraints = make_constraints(hand, request, place, settings)
+    constrained = ConstrainedEvaluator(compiled, hand, constraints, scene.retreat_m)
+    evaluator = with_balance(constrained, hand, part, settings)
     archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
     context = PlanningContext(
         part=part,

@@ -211,7 +211,7 @@ class ContactSettings(SettingsGroup):
     """Proposals that begin with the contacts."""
 
     share: float = setting(
-        0.3,
+        0.2,
         low=0.0,
         high=1.0,
         description="Largest share of the first stage's attempts whose hands are put about pairs "
