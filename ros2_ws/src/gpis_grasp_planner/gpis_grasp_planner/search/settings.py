@@ -117,9 +117,9 @@ class HppSettings(SettingsGroup):
         "the seeds of the local adaption draw them.",
     )
     learn_feasibility: bool = setting(
-        True,
-        description="What a constraint blocks lowers the probability of its neighbourhood; else "
-        "it counts as value 0.",
+        False,
+        description="What a constraint blocks lowers the probability of its neighbourhood, in "
+        "place of counting as value 0.",
     )
     volume_weight: float = setting(
         0.5,
