@@ -66,6 +66,20 @@ def test_the_same_seed_gives_the_same_document(gpis_grasp, planned: Path) -> Non
     assert f"{best:.4f}" in answer.out
 
 
+def test_explain_shows_the_documents_funnel(gpis_grasp, tmp_path: Path) -> None:
+    file = tmp_path / "sphere.json"
+    answer = gpis_grasp("plan", "sphere", "--friction", 0.8, *QUICK, "--json", file, "--explain")
+    assert answer.code == 0, answer.err
+    table = answer.out[answer.out.index("step ") :].splitlines()[2:]
+    rows = json.loads(file.read_text())["funnel"]
+    assert rows[0]["left"] >= 192
+    for line, row in zip(table, rows, strict=False):
+        assert line.startswith(row["step"])
+        assert line[len(row["step"]) :].split()[0] == str(row["left"])
+        assert all(f"{cause} {n}" in line for cause, n in row["lost"].items())
+    assert "Main loss: " in answer.out
+
+
 def test_json_on_stdout_is_alone_there(gpis_grasp) -> None:
     answer = gpis_grasp("plan", "sphere", *QUICK, "--json", "-")
     assert answer.code == 0

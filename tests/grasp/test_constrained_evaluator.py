@@ -12,6 +12,7 @@ from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.constraint import ClosedHands, Constraint, Verdict
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus, PostureEvaluator
+from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.finalists import choose_finalists
@@ -57,8 +58,12 @@ def test_attempts_are_the_plain_ones_less_the_blocked(planner, sphere, ball_gras
     joints = open_postures(planner.hand, spread)
     before, after = plain.attempt_from(T, joints), table.attempt_from(T, joints)
     blocked = after.status == AttemptStatus.BLOCKED
-    assert 0 < table.screened["support"] < blocked.sum() < len(T)
-    assert table.blocked.total() + table.screened.total() == blocked.sum()
+    lost = table.tally.funnel(Step.CLEAR)
+    assert 0 < lost.screened["support"] < blocked.sum() < len(T)
+    assert sum(lost.blocked.values()) + sum(lost.screened.values()) == blocked.sum()
+    assert lost.proposed == len(T)
+    kept = (after.status == AttemptStatus.GRASPED) & (after.epsilon > 0.0)
+    assert lost.left(Step.CLEAR) == kept.sum() > 0
     assert table.n_attempts == len(T) + len(T)  # those of the plain one's own call come first
     for field in fields(before):
         values = getattr(before, field.name)
@@ -174,11 +179,11 @@ def test_constraints_are_asked_in_sequence_and_the_first_to_object_counts(
     )
     attempts = evaluator.attempt_from(T, open_postures(planner.hand, spread))
     assert [c.asked for c in (one, two, three)] == [[n], [n - 5], [n - 9]]
-    assert evaluator.screened == {"one": 5, "two": 4}
+    assert evaluator.tally.funnel(Step.CLEAR).screened == {"one": 5, "two": 4}
     closed = plain.n_attempts
     assert closed == n - 9
     assert (one.judged, two.judged) == ([closed], [closed])
-    assert evaluator.blocked == {"two": 10, "three": 5}
+    assert evaluator.tally.funnel(Step.CLEAR).blocked == {"two": 10, "three": 5}
     assert three.judged == [closed - 10]
     assert (attempts.status == AttemptStatus.BLOCKED).sum() == 9 + 15
 
@@ -203,7 +208,7 @@ def test_a_search_on_it_answers_with_clear_grasps_only(planner, sphere, make_con
         search.step()
     grasps = choose_finalists(context, 10, None)
     assert len(grasps) >= 5
-    assert table.blocked.total() > 0
+    assert table.tally.funnel(Step.CLEAR).blocked
     for grasp in grasps:
         for poses in referee.way(grasp, n_back=5, n_closing=15):
             lowest = min(

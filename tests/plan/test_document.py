@@ -171,6 +171,8 @@ def test_a_document_reads_back_as_it_was_written(tmp_path: Path, result: PlanRes
         np.testing.assert_array_equal(ours.contacts.links, theirs.contacts.links)
         np.testing.assert_array_equal(ours.contacts.friction, theirs.contacts.friction)
         assert (ours.epsilon, ours.volume) == (theirs.epsilon, theirs.volume)
+    assert read.result.funnel == result.funnel
+    assert read.result.phase_s == result.phase_s
     again = document_of(read.result, read.mesh_source)
     first = json.loads((tmp_path / "grasps.json").read_text())
     for values in (again, first):
@@ -277,6 +279,12 @@ def _set(path: str, value: object):  # type: ignore[no-untyped-def]
         ("mesh_source", {"file": "a.stl", "unit": "foot"}, "mesh_source.unit"),
         ("settings", {"hpp": 3}, "settings"),
         ("notes", "none", "notes"),
+        ("phase_s", {"searching": -1.0}, "phase_s.searching"),
+        ("phase_s", [], "'phase_s'"),
+        ("funnel.0.left", 1, "add up|were lost|are left"),
+        ("funnel.3.left", 10**9, "are left by the losses"),
+        ("funnel.2.step", "open", "steps are proposed"),
+        ("funnel.4.lost", {"no force closure": 0}, "no force closure"),
         ("grasps.0.palm_pose.orientation_xyzw", [0.0, 0.0, 0.0, 0.0], "orientation_xyzw"),
         ("grasps.0.palm_pose.orientation_xyzw.3", 7.0, "orientation_xyzw"),
         ("grasps.0.palm_pose.position.0", "0.1", r"grasps\[0\].palm_pose.position\[0\]"),

@@ -11,6 +11,7 @@ import pytest
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.planner import GraspPlanner
@@ -190,6 +191,9 @@ def test_a_plan_for_this_very_place_needs_no_search(planner, mug, table):
         g.T_object_palm.tobytes() for g in first.grasps
     ]
     assert "searching" not in again.phase_s
+    # Its funnel is its own: of what was kept, not of the search that found it.
+    assert again.funnel.last is Step.CLEAR
+    assert again.funnel.proposed == len(first.grasps) + len(first.reserve)
     # the table a hand's breadth lower is another place: what is known competes with a search
     lower = SupportPlane(table.surroundings.support.point - [0, 0, 0.1], np.array([0.0, 0, 1]))
     other = planner.answer(mug, REQUEST, replace(table, surroundings=Surroundings(lower)))

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.grasp.funnel import Loss, Step
 from gpis_grasp_planner.grasp.order import DISTINCT, pose_difference
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan import run as run_module
@@ -121,6 +122,29 @@ def test_evaluations_are_counted_and_end_the_search(result):
     settings = PlannerSettings()
     largest_step = max(settings.hpp.batch * settings.adaption.n_seed, settings.refinement.samples)
     assert EVALUATIONS <= result.evaluations < EVALUATIONS + largest_step
+
+
+def test_the_funnel_leads_from_the_proposals_to_what_was_confirmed(result, planner):
+    funnel = result.funnel
+    left = [funnel.left(step) for step in funnel.steps]
+    assert left == sorted(left, reverse=True)
+    # In free space every attempt is one proposal, and so is each palm that found no free place.
+    assert funnel.proposed - funnel.causes(Step.PALM_FREE).get(Loss.DEEP, 0) == result.evaluations
+    assert funnel.last is Step.CONFIRMED
+    assert funnel.left(Step.CONFIRMED) >= len(result.grasps) > 0
+    assert f"confirmed {funnel.left(Step.CONFIRMED)} of" in " ".join(result.notes)
+    assert not funnel.blocked
+    assert not funnel.screened
+
+
+def test_the_funnel_of_trials_ends_with_what_held(planner, sphere):
+    request = PlanRequest(seed=4, max_evaluations=200, n_grasps=4, verification="rank")
+    result = planner.plan(sphere, request)
+    funnel = result.funnel
+    held = [g for g in result.grasps if g.trials is not None and g.trials.held]
+    assert funnel.left(Step.HELD) >= len(held) > 0
+    tried, holds = funnel.left(Step.TRIED), funnel.left(Step.HELD)
+    assert f"Tried in physics: {tried} grasps, of which {holds} held" in " ".join(result.notes)
 
 
 def test_convergence_rises_to_the_best_of_the_search(result):

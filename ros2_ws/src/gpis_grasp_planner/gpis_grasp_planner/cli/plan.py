@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from gpis_grasp_planner.cli import (
     completion,
     constraint_options,
+    explain,
     options,
     output,
     place_options,
@@ -41,6 +42,7 @@ examples:
   gpis-grasp plan ./part.stl --unit mm --json grasps.json --picture best.png
   gpis-grasp plan mug --support lowest --sigma-mm 5 --time 10
   gpis-grasp plan mug --seed 7 --evaluations 500 --verify none
+  gpis-grasp plan mug --support lowest --explain
   gpis-grasp plan mug --set verification.mass_kg=0.3
 """
 
@@ -87,6 +89,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     place_options.add_place(parser)
     constraint_options.add_constraints(parser)
     parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="show where grasps got lost, step by step, and what can be done about it",
+    )
+    parser.add_argument(
         "--json", type=Path, metavar="FILE", help="write the document; '-' for stdout, alone"
     )
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the best grasp")
@@ -112,6 +119,8 @@ def run(arguments: argparse.Namespace) -> int:
         _show(result)
         if placed:
             tables.print_text(result.message)
+    if arguments.explain and not to_stdout:
+        explain.show(result.funnel)
     for text in result.notes:
         output.note(f"note: {text}")
     if arguments.picture is not None:

@@ -17,6 +17,7 @@ from gpis_grasp_planner.grasp.evaluator import (
     PostureEvaluator,
     Postures,
 )
+from gpis_grasp_planner.grasp.funnel import Step, Tally
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
@@ -46,10 +47,8 @@ class ConstrainedEvaluator:
 
     Attributes
     ----------
-    blocked : Counter of str
-        Attempts with force closure that were blocked so far, by cause.
-    screened : Counter of str
-        Hands that were not closed, by the constraint's name.
+    tally : Tally
+        What was proposed so far, and what was lost up to the surroundings (`grasp.funnel`).
 
     Notes
     -----
@@ -67,8 +66,8 @@ class ConstrainedEvaluator:
         self._hand = hand
         self.constraints = tuple(constraints)
         self._retreat = retreat_m
-        self.blocked: Counter[str] = Counter()
-        self.screened: Counter[str] = Counter()
+        self.tally = Tally()
+        self._n_screened = 0
 
     @property
     def friction(self) -> Friction:
@@ -78,7 +77,7 @@ class ConstrainedEvaluator:
     @property
     def n_attempts(self) -> int:
         """Grasp attempts so far, with those that were not closed."""
-        return self._evaluator.n_attempts + self.screened.total()
+        return self._evaluator.n_attempts + self._n_screened
 
     @property
     def n_states(self) -> int:
@@ -92,7 +91,7 @@ class ConstrainedEvaluator:
         so: the fingers have no memory before their first contact, so that the grasp is the same.
         """
         if not self.constraints:
-            return self._evaluator.attempt(T_object_palm, spread)
+            return self._counted(self._evaluator.attempt(T_object_palm, spread))
         opened = open_postures(self._hand, spread)
         free = self._screen(T_object_palm, opened, palm=True)
         made = self._evaluator.attempt(T_object_palm[free], spread[free])
@@ -108,7 +107,7 @@ class ConstrainedEvaluator:
     def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]."""
         if not self.constraints:
-            return self._evaluator.attempt_from(T_object_palm, joints)
+            return self._counted(self._evaluator.attempt_from(T_object_palm, joints))
         free = self._screen(T_object_palm, joints)
         made = self._evaluator.attempt_from(T_object_palm[free], joints[free])
         spreading = [f.spread_joint for f in self._hand.fingers if f.spread_joint >= 0]
@@ -124,7 +123,9 @@ class ConstrainedEvaluator:
         self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until the part leaves them free; see the protocol."""
-        return self._evaluator.clear_palm(T_object_palm, normals_outward, spread, standoff)
+        T, free = self._evaluator.clear_palm(T_object_palm, normals_outward, spread, standoff)
+        self.tally.reject(free)
+        return T, free
 
     def approach(
         self, T_object_palm: Array, joints: Array, reach: float
@@ -148,7 +149,8 @@ class ConstrainedEvaluator:
                 break
             free[free] = allows(T[free], joints[free])
             if lost := before - int(free.sum()):
-                self.screened[constraint.name] += lost
+                self._n_screened += lost
+                self.tally.lose(Step.PALM_FREE, constraint.name, lost)
         return free
 
     def _narrowed(
@@ -202,14 +204,21 @@ class ConstrainedEvaluator:
 
     def _marked(self, attempts: Attempts, found: Verdict) -> Attempts:
         bad = found.blocked
-        self.blocked.update(found.cause[bad])
-        return replace(
-            attempts,
-            status=np.where(bad, AttemptStatus.BLOCKED, attempts.status),
-            epsilon=np.where(bad, -1.0, attempts.epsilon),
-            volume=np.where(bad, 0.0, attempts.volume),
-            shift=np.where(bad[:, None], found.shift, 0.0),
+        for cause, n in Counter(found.cause[bad]).items():
+            self.tally.lose(Step.CLEAR, cause, n)
+        return self._counted(
+            replace(
+                attempts,
+                status=np.where(bad, AttemptStatus.BLOCKED, attempts.status),
+                epsilon=np.where(bad, -1.0, attempts.epsilon),
+                volume=np.where(bad, 0.0, attempts.volume),
+                shift=np.where(bad[:, None], found.shift, 0.0),
+            )
         )
+
+    def _counted(self, attempts: Attempts) -> Attempts:
+        self.tally.propose(attempts)
+        return attempts
 
 
 def _grasped(attempts: Attempts) -> NDArray[np.intp]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
 
@@ -28,16 +29,18 @@ class Answer:
         are the beginning of an answer for another place.
     clearances : tuple of Clearance
         One per grasp of the result.
-    blocked : mapping of cause to int
-        Grasps with force closure that the surroundings forbid, by cause.
     lift_direction : (3,) array or None
         Unit vector away from the support, in the object's frame; None without support.
     """
 
     result: PlanResult
     clearances: tuple[Clearance, ...]
-    blocked: Mapping[str, int]
     lift_direction: NDArray[float64] | None = None
+
+    @property
+    def blocked(self) -> Mapping[str, int]:
+        """Grasps with force closure that the surroundings forbid, by cause."""
+        return self.result.funnel.blocked
 
 
 def causes_text(blocked: Mapping[str, int]) -> str:
@@ -72,8 +75,7 @@ def found_text(
 def nothing_found(
     part: Part,
     attempts: int,
-    blocked: Mapping[str, int],
-    screened: Mapping[str, int],
+    funnel: Funnel,
     n_disagreed: int,
 ) -> tuple[ErrorCode, str]:
     """Code and message where a search ended without a grasp.
@@ -82,13 +84,11 @@ def nothing_found(
     ----------
     part : Part
     attempts : int
-    blocked : mapping of cause to int
-        Grasps with force closure that a constraint forbade.
-    screened : mapping of name to int
-        Hands that a constraint did not let close.
+    funnel : Funnel
     n_disagreed : int
         Grasps that PyBullet's scene did not agree with.
     """
+    blocked, screened = funnel.blocked, funnel.screened
     if blocked or sum(screened.values()) > _MOSTLY * attempts:
         what = []
         if screened:

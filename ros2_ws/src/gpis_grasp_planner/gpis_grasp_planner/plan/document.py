@@ -123,6 +123,12 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
             {"elapsed_s": float(t), "n_evaluations": int(n), "best_epsilon": float(epsilon)}
             for t, n, epsilon in result.convergence
         ],
+        "phase_s": {phase: float(spent) for phase, spent in result.phase_s.items()},
+        "funnel": [
+            {"step": str(step), "left": left, "lost": causes}
+            for step, left, causes in result.funnel.table
+            if result.funnel.proposed
+        ],
         "notes": list(result.notes),
         "place": result.place,
         "grasps": [_grasp(g, result.joint_names, result.link_names) for g in result.grasps],

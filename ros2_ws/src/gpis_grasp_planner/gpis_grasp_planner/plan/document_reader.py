@@ -18,6 +18,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
@@ -37,11 +38,11 @@ _FIELDS = frozenset(
         "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
         "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
-        "best_attempt", "approach", "forbidden",
+        "best_attempt", "approach", "forbidden", "phase_s", "funnel",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
 # What earlier programs did not write.
-_LATER: dict[str, Any] = {"approach": None, "forbidden": []}
+_LATER: dict[str, Any] = {"approach": None, "forbidden": [], "phase_s": {}, "funnel": []}
 _LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None}
 _LATER_OF_TRIALS: dict[str, Any] = {"closing_slip_m": 0.0, "closing_rotation_rad": 0.0}
 _GRASP_FIELDS = frozenset(
@@ -150,6 +151,8 @@ def result_from_dict(
         notes=root["notes"].texts(),
         convergence=tuple(_improvement(node) for node in root["convergence"].list()),
         place=root["place"].optional(_place),
+        phase_s={phase: spent.number(low=0.0) for phase, spent in _named(root["phase_s"]).items()},
+        funnel=_funnel(root["funnel"]),
     )
     return result, root["mesh_source"].optional(_mesh_source)
 
@@ -218,6 +221,33 @@ def _settings(node: Node) -> dict[str, dict[str, Any]]:
     if not isinstance(groups, Mapping) or not all(isinstance(g, Mapping) for g in groups.values()):
         raise node.fail("groups of names and values")
     return {group: dict(values) for group, values in groups.items()}
+
+
+def _named(node: Node) -> dict[str, Node]:
+    """The values of an object of any names."""
+    if not isinstance(node.value, Mapping):
+        raise node.fail("names with numbers")
+    return {
+        name: Node(value, f"{node.path}.{name}", node.document)
+        for name, value in node.value.items()
+    }
+
+
+def _funnel(node: Node) -> Funnel:
+    rows = [item.object(frozenset({"step", "left", "lost"})) for item in node.list()]
+    if not rows:
+        return Funnel()
+    try:
+        return Funnel.of_table(
+            (
+                row["step"].text(),
+                row["left"].integer(),
+                {cause: n.integer(low=1) for cause, n in _named(row["lost"]).items()},
+            )
+            for row in rows
+        )
+    except ValueError as error:
+        raise node.fail(f"the table of a funnel ({error})") from None
 
 
 def _improvement(node: Node) -> tuple[float, int, float]:

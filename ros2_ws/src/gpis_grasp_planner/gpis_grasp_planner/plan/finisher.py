@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gpis_grasp_planner.grasp.funnel import Funnel, Loss, Step, Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -44,18 +45,20 @@ class Finisher:
         Which of a sequence of grasps PyBullet's scene agrees with.
     clock : callable
         Seconds, steady.
+    tally : Tally
+        Takes what is lost here; the one of the search's evaluator.
     cost_s : float [s]
         Mean time for one candidate so far.
-    n_confirmed, n_seen : int
-        Of the grasps with force closure that PyBullet's scene looked at.
+    n_seen, n_disagreed : int
+        Grasps that PyBullet's scene looked at, and did not agree with.
     """
 
     context: PlanningContext
     placing: GraspPlacing
     confirm: Callable[[Sequence[Grasp]], Sequence[bool]]
     clock: Callable[[], float]
+    tally: Tally
     cost_s: float = _FIRST_COST_S
-    n_confirmed: int = 0
     n_seen: int = 0
     _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
     _known: dict[bytes, FinishedGrasp | None] = field(default_factory=dict, repr=False)
@@ -64,6 +67,7 @@ class Finisher:
     def add(self, finished: Sequence[FinishedGrasp]) -> None:
         """Take grasps of an earlier plan into the competition."""
         self._added.extend(finished)
+        self.tally.take_over(len({_palm(f.grasp) for f in finished} - set(self._known)))
         self._known.update({_palm(f.grasp): f for f in finished})
 
     def best(self, n: int, until: float | None = None, fresh: int | None = None) -> list[Grasp]:
@@ -122,20 +126,52 @@ class Finisher:
             raise KeyError("The grasp was not finished here.")
         return finished.clearance
 
+    @property
+    def n_disagreed(self) -> int:
+        """Grasps that PyBullet's scene did not agree with."""
+        return self.tally.lost[Step.CONFIRMED, Loss.SCENE]
+
+    def funnel(self, tried: Sequence[Grasp] | None) -> Funnel:
+        """Where grasps were lost, from the first proposal on.
+
+        Parameters
+        ----------
+        tried : sequence of Grasp, optional
+            What is left of :meth:`finished` by the distance rule, with the trials that were made;
+            None where none were asked for.
+        """
+        so_far = Tally()
+        so_far.proposed, so_far.lost = self.tally.proposed, self.tally.lost.copy()
+        clear = self.tally.funnel(Step.CONFIRMED).left(Step.CLEAR)
+        n_looked_at = len(self._known)
+        n_distinct = max(n_looked_at, len(self.context.archive.best(clear)))
+        so_far.lose(Step.DISTINCT, Loss.NEAR, max(clear - n_distinct, 0))
+        so_far.lose(Step.DISTINCT, Loss.BEYOND, min(n_distinct, clear) - n_looked_at)
+        if tried is None:
+            return so_far.funnel(Step.CONFIRMED)
+        so_far.lose(Step.TRIED, Loss.NEAR, len(self.finished()) - len(tried))
+        so_far.lose(Step.TRIED, Loss.NO_TIME, sum(grasp.trials is None for grasp in tried))
+        for grasp in tried:
+            if grasp.trials is not None and not grasp.trials.held:
+                so_far.lose(Step.HELD, grasp.trials.outcomes[0].cause)
+        return so_far.funnel(Step.HELD)
+
     def _finish(self, candidate: Candidate) -> FinishedGrasp | None:
         start = self.clock()
         try:
             grasp = grasp_of(candidate, self.context)
             if not grasp.feasible:
+                self.tally.lose(Step.CONFIRMED, Loss.INEXACT)
                 return None
             [grasp], [clearance] = self.placing.clear([grasp])
             if not clearance.clear:
+                self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
                 return None
             self.n_seen += 1
             [confirmed] = self.confirm([grasp])
             if not confirmed:
+                self.tally.lose(Step.CONFIRMED, Loss.SCENE)
                 return None
-            self.n_confirmed += 1
             [grasp], [clearance] = self.placing.finished([grasp], [clearance])
             return FinishedGrasp(grasp, clearance)
         finally:

@@ -14,6 +14,7 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.grasp.reserve import Reserve
@@ -122,13 +123,15 @@ def place_known(
         notes=known.notes + notes,
         place=place.as_mapping() if place else None,
         elapsed_s=monitor.elapsed_s,
+        funnel=Funnel(
+            len(found), {(Step.CLEAR, str(cause)): n for cause, n in blocked.items()}, Step.CLEAR
+        ),
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
     )
     support = placing.around.support
     answer = Answer(
         result,
         tuple(of[_palm(grasp)] for grasp in answered),
-        blocked,
         None if support is None else support.normal,
     )
     finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
@@ -137,6 +138,8 @@ class PlanResult:
         plan in free space.
     phase_s : mapping of phase to seconds
         How long each phase of the request took (`plan.progress.Phase`).
+    funnel : Funnel
+        Where grasps were lost on the way to this answer.
     reserve : Reserve
         Further grasps, for surroundings in which those of the answer are blocked.
     """
@@ -165,6 +168,7 @@ class PlanResult:
     place: Mapping[str, Any] | None = None
     reserve: Reserve = field(default_factory=Reserve)
     phase_s: Mapping[str, float] = field(default_factory=dict)
+    funnel: Funnel = field(default_factory=Funnel)
 
     @property
     def success(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.progress import Monitor
@@ -27,6 +28,7 @@ def make_result(
     notes: tuple[str, ...],
     reserve: Reserve,
     convergence: tuple[tuple[float, int, float], ...],
+    funnel: Funnel,
 ) -> PlanResult:
     """Put together what was asked, with what it was planned, and what came of it.
 
@@ -57,5 +59,6 @@ def make_result(
         convergence=convergence,
         place=place.as_mapping() if place else None,
         reserve=reserve,
+        funnel=funnel,
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
     )

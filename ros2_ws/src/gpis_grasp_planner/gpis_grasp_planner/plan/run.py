@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from types import TracebackType
@@ -14,6 +14,7 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
+from gpis_grasp_planner.grasp.funnel import Funnel, Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
@@ -90,8 +91,7 @@ class PlanRun:
         self._owned = ExitStack()
         self._scene: BulletEvaluator | None = None
         self._constraints = make_constraints(self.hand, request, place, settings)
-        self._constrained: ConstrainedEvaluator | None = None
-        self._evaluator = self._make_evaluator()
+        self._evaluator, self._tally = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
         self._context = PlanningContext(
             part=part,
@@ -104,7 +104,7 @@ class PlanRun:
             constraints=self._constraints,
         )
         self._search = make_search(request.planner, self._context)
-        self._finisher = Finisher(self._context, placing, self._confirm, monitor.now)
+        self._finisher = Finisher(self._context, placing, self._confirm, monitor.now, self._tally)
         self._hold = hold
         self._convergence: list[tuple[float, int, float]] = []
         self._trials = None if request.verification == "none" else self._make_trials()
@@ -159,32 +159,24 @@ class PlanRun:
         return self.monitor.deadline - min(_SECONDS_TO_ANSWER, _ANSWER_SHARE * budget)
 
     @property
-    def blocked(self) -> Mapping[str, int]:
-        """Attempts with force closure that a constraint forbade, by cause."""
-        return {} if self._constrained is None else self._constrained.blocked
-
-    @property
-    def screened(self) -> Mapping[str, int]:
-        """Hands that a constraint did not let close, by its name."""
-        return {} if self._constrained is None else self._constrained.screened
-
-    @property
     def _n_wanted(self) -> int:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
 
-    def _make_evaluator(self) -> GraspEvaluator:
+    def _make_evaluator(self) -> tuple[GraspEvaluator, Tally]:
+        """The search's evaluator, and where it counts what is lost."""
         scene = self.settings.scene
         arguments = (
             self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
         )  # fmt: skip
         if scene.search_evaluator == "bullet":
-            return self._owned.enter_context(BulletEvaluator(*arguments))
-        compiled = CompiledEvaluator(*arguments)
-        self._constrained = ConstrainedEvaluator(
-            compiled, self.hand, self._constraints, scene.retreat_m
+            bullet = self._owned.enter_context(BulletEvaluator(*arguments))
+            return bullet, bullet.tally
+        constrained = ConstrainedEvaluator(
+            CompiledEvaluator(*arguments), self.hand, self._constraints, scene.retreat_m
         )
-        return with_balance(self._constrained, self.hand, self.part, self.settings)
+        balanced = with_balance(constrained, self.hand, self.part, self.settings)
+        return balanced, constrained.tally
 
     def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
         """Which grasps PyBullet's scene agrees with."""
@@ -301,9 +293,11 @@ class PlanRun:
         notes: tuple[str, ...] = ()
         if self.settings.scene.confirm and finisher.n_seen:
             notes += (
-                f"PyBullet's scene confirmed {finisher.n_confirmed} of {finisher.n_seen} grasps.",
+                f"PyBullet's scene confirmed {finisher.n_seen - finisher.n_disagreed} of "
+                f"{finisher.n_seen} grasps.",
             )
-        code, message, best_attempt = self._verdict(grasps, tried)
+        funnel = finisher.funnel(None if tried is None else tried.ranked)
+        code, message, best_attempt = self._verdict(grasps, tried, funnel)
         if tried is not None:
             notes += (tried.note, *payload_note(part, self.settings.verification))
             if code in (ErrorCode.SUCCESS, ErrorCode.CANCELLED):
@@ -326,7 +320,7 @@ class PlanRun:
             or found_text(
                 part.mesh_id,
                 len(chosen),
-                self.blocked,
+                funnel.blocked,
                 placed=bool(self._constraints),
                 by_hold=self._hold.needed,
             ),
@@ -335,12 +329,12 @@ class PlanRun:
             notes + of_hold,
             reserve,
             tuple(self._convergence),
+            funnel,
         )
         support = self.place.around().support
         return Answer(
             result,
             tuple(finisher.clearance_of(grasp) for grasp in chosen),
-            self.blocked,
             None if support is None else support.normal,
         )
 
@@ -356,7 +350,7 @@ class PlanRun:
         )
 
     def _verdict(
-        self, grasps: Sequence[Grasp], tried: TriedGrasps | None
+        self, grasps: Sequence[Grasp], tried: TriedGrasps | None, funnel: Funnel
     ) -> tuple[ErrorCode, str, Grasp | None]:
         """Code, message (empty for grasps that are answered) and the nearest miss."""
         part, finisher, archive = self.part, self._finisher, self._archive
@@ -368,9 +362,8 @@ class PlanRun:
                 None if grasps else miss,
             )
         if not grasps:
-            disagreed = finisher.n_seen - finisher.n_confirmed
             code, text = nothing_found(
-                part, self._evaluator.n_attempts, self.blocked, self.screened, disagreed
+                part, self._evaluator.n_attempts, funnel, finisher.n_disagreed
             )
             return code, text, miss
         require = self.request.verification == "require"

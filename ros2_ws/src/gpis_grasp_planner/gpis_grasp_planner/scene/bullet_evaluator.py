@@ -9,7 +9,6 @@ finished grasps.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -20,12 +19,14 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
+from gpis_grasp_planner.grasp.funnel import Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import Finger, HandDescription
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
+from gpis_grasp_planner.scene.confirmation import Confirmation
 
 Array = NDArray[np.float64]
 
@@ -37,32 +38,6 @@ _BISECTED = 1e-6
 _RETREAT_STEPS = 6
 _RETREAT_DEPTH_M = 5e-4
 _CLAIM_TOLERANCE_M = 5e-5
-
-
-@dataclass(frozen=True)
-class Confirmation:
-    """What PyBullet says of a finished grasp.
-
-    Attributes
-    ----------
-    penetration_m : float
-        Depth of the deepest link; 0 where none penetrates.
-    deepest_link : str or None
-    farthest_contact_m : float
-        Largest distance of a claimed contact's link from the object.
-    contacts_confirmed : bool
-        Whether every claimed contact's link is within the contact threshold.
-    """
-
-    penetration_m: float
-    deepest_link: str | None
-    farthest_contact_m: float
-    contacts_confirmed: bool
-
-    @property
-    def confirmed(self) -> bool:
-        """No penetration, and every contact is there."""
-        return self.penetration_m <= 0.0 and self.contacts_confirmed
 
 
 class BulletEvaluator:
@@ -96,6 +71,7 @@ class BulletEvaluator:
         self._fixed = [link for link in range(hand.n_links) if link not in self._moving]
         self._radius, self._inner_radius = _radii(hand)
         self._n_attempts = 0
+        self.tally = Tally()
 
     def __enter__(self) -> Self:
         self.world.__enter__()
@@ -143,6 +119,7 @@ class BulletEvaluator:
             result.epsilon[row] = quality.epsilon
             result.volume[row] = quality.volume
         self._n_attempts += n
+        self.tally.propose(result)
         return result
 
     def clear_palm(
@@ -154,6 +131,7 @@ class BulletEvaluator:
         for row in range(len(T)):
             self.world.set_joints(self._open(spread[row]))
             free[row] = self._clear(T[row], normals_outward[row], float(standoff[row]))
+        self.tally.reject(free)
         return T, free
 
     def confirm(self, grasps: Sequence[Grasp]) -> list[Confirmation]:
