@@ -138,6 +138,27 @@ class PalmPoseOptimiser:
             feasible=proposals.feasible,
         )
 
+    def tell_attempts(self, attempts: Attempts, owner: NDArray[np.int64]) -> None:
+        """Tell the best attempt of each owner (B,), proposed by others than the model.
+
+        As standoff counts how far the palm's face is from the surface.
+        """
+        objective = attempts.objective(self.settings.volume_weight)
+        of_each = [np.flatnonzero(owner == k) for k in np.unique(owner)]
+        best = np.array([rows[np.argmax(objective[rows])] for rows in of_each], dtype=np.int64)
+        if not len(best):
+            return
+        T_face = attempts.T_object_palm[best] @ self.adaption.T_palm_face
+        X = self.space.coordinates(T_face)
+        posture = np.zeros((len(best), 0))
+        if self.settings.model_posture:
+            _, nearest = self._context.atlas.nearest(T_face[:, :3, 3])
+            standoff = np.linalg.norm(T_face[:, :3, 3] - nearest, axis=1)
+            posture = np.stack([attempts.spread[best], standoff], axis=1)
+            posture = np.clip(posture, 0.0, self._posture_upper())
+            X = np.hstack([X, posture])
+        self._optimiser.tell(X, objective[best], features=self.space.features_of(T_face, posture))
+
     def _posture_upper(self) -> Array:
         s = self.adaption.settings
         return np.array([np.deg2rad(s.spread_max_deg), s.standoff_max_m])
