@@ -116,6 +116,11 @@ class HppSettings(SettingsGroup):
         description="The model also proposes spread and standoff; without (the paper's form) "
         "the seeds of the local adaption draw them.",
     )
+    learn_feasibility: bool = setting(
+        False,
+        description="What a constraint blocks lowers the probability of its neighbourhood, in "
+        "place of counting as value 0.",
+    )
     volume_weight: float = setting(
         0.5,
         low=0.0,
