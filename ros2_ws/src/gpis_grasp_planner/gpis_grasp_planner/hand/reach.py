@@ -27,9 +27,9 @@ def reach_radius(hand: HandDescription) -> float:
     """
     points, slack = [], 0.0
     for link in range(hand.n_links):
-        vertices = np.concatenate([piece.vertices for piece in hand.link_collision[link]] or [[]])
-        if not len(vertices):
+        if not hand.link_collision[link]:
             continue
+        vertices = np.concatenate([piece.vertices for piece in hand.link_collision[link]])
         path = _path(hand, link)
         joints = [int(hand.link_joint[k]) for k in path if hand.link_joint[k] >= 0]
         n = _STEPS.get(len(joints), _FEWEST_STEPS)
