@@ -10,7 +10,8 @@ import pytest
 from gpis_grasp_planner.grasp.balanced_evaluator import BalancedEvaluator
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus, PostureEvaluator
 from gpis_grasp_planner.grasp.open_hand import open_postures
-from gpis_grasp_planner.quality.closing_balance import ClosingBalance, balance_factor
+from gpis_grasp_planner.quality.balance_factor import balance_factor
+from gpis_grasp_planner.quality.closing_balance import ClosingBalance
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.searches import make_search
 

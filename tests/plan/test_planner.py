@@ -356,7 +356,17 @@ def test_a_search_that_never_gets_to_an_attempt_ends(
     assert result.best_attempt is None
 
 
-def test_a_box_beyond_the_hand_has_no_grasp_and_says_so(planner, oracle):
+def test_a_box_beyond_the_hand_is_refused_by_the_bound_without_a_search(planner, oracle):
+    box = oracle.make_part("crate", trimesh.creation.box([0.9, 0.9, 0.9]), Friction(0.3, 0.3))
+    result = planner.plan(box, PlanRequest(seed=1, time_budget_s=LONG_S))
+    assert result.code is ErrorCode.NO_FEASIBLE_GRASP
+    assert result.evaluations == 0
+    assert "'crate' (900, 900, 900 mm) can have force closure with this hand" in result.message
+
+
+def test_a_box_beyond_the_hand_has_no_grasp_and_says_so(planner, oracle, monkeypatch):
+    # The search behind the bound agrees with it.
+    monkeypatch.setattr(run_module, "limit_of", lambda *_: None)
     box = oracle.make_part("crate", trimesh.creation.box([0.9, 0.9, 0.9]), Friction(0.3, 0.3))
     result = planner.plan(box, PlanRequest(seed=1, time_budget_s=LONG_S, max_evaluations=150))
     assert result.code is ErrorCode.NO_FEASIBLE_GRASP

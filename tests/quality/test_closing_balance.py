@@ -11,7 +11,6 @@ from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.quality.closing_balance import (
     ClosingBalance,
-    balance_factor,
     least_squares,
     tip_arms,
 )
@@ -197,14 +196,6 @@ def test_more_friction_and_more_hold_never_leave_more(hand: HandDescription) -> 
     ]
     assert by_friction == sorted(by_friction, reverse=True)
     assert by_hold == sorted(by_hold, reverse=True)
-
-
-def test_the_factor_falls_from_one_to_its_floor() -> None:
-    values = balance_factor(np.array([0.0, 0.2, 1.0, 1e9]))
-    assert values[0] == 1.0
-    assert values[1] == pytest.approx(0.15 + 0.85 / 2)
-    assert values[3] == pytest.approx(0.15)
-    assert (np.diff(values) < 0.0).all()
 
 
 def test_no_hand_no_figures(hand: HandDescription) -> None:

@@ -9,10 +9,11 @@ import pytest
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.quality.contacts import Contacts
-from gpis_grasp_planner.ros.conversions import grasp_message
+from gpis_grasp_planner.ros.conversions import funnel_messages, grasp_message
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
 
@@ -33,6 +34,22 @@ def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def xyz(message: object) -> np.ndarray:
     return np.array([message.x, message.y, message.z])
+
+
+def test_the_funnel_goes_out_as_it_is() -> None:
+    funnel = Funnel(
+        10, {(Step.PALM_FREE, "support"): 3, (Step.CLOSED, "hand meets itself"): 1}, Step.CLOSED
+    )
+    messages = funnel_messages(funnel)
+    assert [message.name for message in messages] == ["proposed", "palm free", "closed"]
+    assert [message.passed for message in messages] == [10, 7, 6]
+    assert [list(message.causes) for message in messages] == [
+        [],
+        ["support"],
+        ["hand meets itself"],
+    ]
+    assert [list(message.lost) for message in messages] == [[], [3], [1]]
+    assert funnel_messages(Funnel()) == []
 
 
 @pytest.mark.parametrize("run", range(5))

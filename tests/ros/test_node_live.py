@@ -6,6 +6,7 @@ import math
 import os
 import signal
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,12 @@ def test_a_good_answer_is_complete(planned: PlanGrasp.Response) -> None:
     epsilons = [grasp.epsilon for grasp in planned.grasps]
     assert epsilons[0] > 0.0
     assert planned.evaluations > 0
+    passed = [step.passed for step in planned.funnel]
+    assert planned.funnel[0].name == "proposed"
+    assert passed == sorted(passed, reverse=True)
+    assert passed[-1] >= len(planned.grasps)
+    for before, step in pairwise(planned.funnel):
+        assert before.passed - step.passed == sum(step.lost)
     for grasp in planned.grasps:
         assert grasp.palm_pose.header.frame_id == "world"
         assert grasp.mesh_id == "mug"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.search.contacts.contact_first import ContactFirst
 from gpis_grasp_planner.search.dual import DualOptimiser
 from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
 from gpis_grasp_planner.search.refinement.contact_refinement import ContactRefinement
@@ -33,6 +34,7 @@ def stages(monkeypatch):
         monkeypatch.setattr(cls, name, watch_archive)
 
     watch(PalmPoseOptimiser, "propose", 1)
+    watch(ContactFirst, "attempt", 1)
     watch(ContactRefinement, "step", 2)
     return record
 
@@ -79,7 +81,9 @@ def test_the_second_stage_waits_for_a_grasp(stages, make_context, sphere, record
 
 
 def test_without_a_grasp_it_ends_with_the_first_stage(make_context, sphere, recording_evaluator):
-    settings = PlannerSettings.from_mapping({"hpp": {"n_initial": 4, "n_iter": 3, "batch": 2}})
+    settings = PlannerSettings.from_mapping(
+        {"hpp": {"n_initial": 4, "n_iter": 3, "batch": 2}, "contacts": {"share": 0.0}}
+    )
     evaluator = recording_evaluator(figures=lambda T, spread: np.full(len(T), -1.0))
     context = make_context(sphere, settings=settings, evaluator=evaluator)
     search = run(context, 10**9)
@@ -95,3 +99,75 @@ def test_after_the_first_stage_the_second_goes_on(
     search = run(context, 400)
     assert not search.finished
     assert [stage for stage, _ in stages][-10:] == [2] * 10
+
+
+@pytest.fixture
+def hands_about_contacts(monkeypatch):
+    """Attempts about contacts, in order."""
+    record = []
+    attempt = ContactFirst.attempt
+
+    def watched(self, n_sets):
+        attempts, owner = attempt(self, n_sets)
+        record.append(attempts)
+        return attempts, owner
+
+    monkeypatch.setattr(ContactFirst, "attempt", watched)
+    return record
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
+def test_contacts_get_their_share_of_the_first_stage(
+    share, hands_about_contacts, make_context, sphere, recording_evaluator
+):
+    """Where all hands are worth the same."""
+    settings = PlannerSettings.from_mapping(
+        {"contacts": {"share": share}, "dual": {"second_stage_share": 0.0}}
+    )
+    context = make_context(sphere, settings=settings, evaluator=recording_evaluator())
+    run(context, 4000)
+    n = sum(len(attempts) for attempts in hands_about_contacts)
+    assert n / context.evaluator.n_attempts == pytest.approx(share, abs=0.06)
+
+
+def test_contacts_that_are_worth_little_get_less(
+    hands_about_contacts, make_context, sphere, recording_evaluator
+):
+    """Palms on charts have values here; hands about contacts, the other calls, have none."""
+    settings = PlannerSettings.from_mapping(
+        {"contacts": {"share": 0.5}, "dual": {"second_stage_share": 0.0}}
+    )
+    about_contacts = []
+
+    def figures(T, _):
+        return np.full(len(T), -1.0 if about_contacts[-1:] == [True] else 0.1)
+
+    context = make_context(sphere, settings=settings, evaluator=recording_evaluator(figures))
+    watched = ContactFirst.attempt
+
+    def attempt(self, n_sets):
+        about_contacts.append(True)
+        made = watched(self, n_sets)
+        about_contacts.append(False)
+        return made
+
+    search = DualOptimiser(context)
+    search._contacts.attempt = attempt.__get__(search._contacts)
+    while context.evaluator.n_attempts < 4000:
+        search.step()
+    n = sum(len(attempts) for attempts in hands_about_contacts)
+    assert 0 < n < 0.1 * context.evaluator.n_attempts
+
+
+@pytest.mark.parametrize("tells", [False, True])
+def test_the_model_learns_from_contacts_if_it_is_told(tells, make_context, sphere):
+    settings = PlannerSettings.from_mapping(
+        {"contacts": {"share": 1.0, "tell_model": tells}, "dual": {"second_stage_share": 0.0}}
+    )
+    context = make_context(sphere, settings=settings)
+    search = DualOptimiser(context)
+    for _ in range(3):
+        search.step()
+    of_palms = search._first.iterations
+    assert of_palms < 3 * settings.hpp.batch
+    assert (search._first._optimiser.n_observations > of_palms) is tells

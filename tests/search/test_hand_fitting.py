@@ -12,6 +12,7 @@ from gpis_grasp_planner.grasp.constraint import ClosedHands
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.open_hand import open_postures
+from gpis_grasp_planner.hand.drive import joints_from_motors
 from gpis_grasp_planner.search.hand_fitting import HandFitting
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.approach_constraint import ApproachConstraint
@@ -136,3 +137,42 @@ def test_without_constraints_a_search_finds_the_same_to_the_bit(
     for a, b in zip(plain.archive.best(50, 0.01), none.archive.best(50, 0.01), strict=True):
         np.testing.assert_array_equal(a.T_object_palm, b.T_object_palm)
         assert (a.objective, a.epsilon, a.spread) == (b.objective, b.epsilon, b.spread)
+
+
+def test_the_way_to_where_hands_are_allowed_is_what_they_are_lifted(
+    planner, sphere, make_context, table, rng
+):
+    context, _ = constrained(make_context(sphere, seed=10), planner, (table,))
+    T = np.tile(np.eye(4), (20, 1, 1))
+    T[:, :3, :3] = np.diag([1.0, -1.0, -1.0])  # from above
+    T[:, 2, 3] = rng.uniform(0.05, 0.3, 20)
+    joints = open_postures(planner.hand, np.zeros(20))
+    way = HandFitting(context).way_to_allowed(T, joints)
+    lifted = T.copy()
+    lifted[:, 2, 3] += way
+    np.testing.assert_array_equal(way == 0.0, table.allows(T, joints))
+    assert table.allows(lifted, joints).all()
+    assert (way > 0.0).any()
+    assert (way == 0.0).any()
+    np.testing.assert_array_equal(
+        HandFitting(make_context(sphere)).way_to_allowed(T, joints), np.zeros(20)
+    )
+
+
+def test_a_posture_that_is_told_decides_how_far_a_hand_is_lifted(
+    planner, sphere, make_context, table
+):
+    """Straight fingers reach deeper than curled ones: the same palm is lifted farther."""
+    context, closed = constrained(make_context(sphere, seed=11), planner, (table,))
+    T = np.eye(4)[None].copy()
+    T[:, :3, :3] = np.diag([1.0, -1.0, -1.0])
+    T[:, 2, 3] = 0.1
+    heights = []
+    for motor in (0.6, 2.2):
+        joints = joints_from_motors(planner.hand, np.zeros(1), np.full((1, 3), motor))
+        before = len(closed.T)
+        HandFitting(context).attempt(T, np.zeros(1), joints)
+        first = closed.T[before][0, 2, 3]
+        assert first == pytest.approx(0.1 + HandFitting(context).way_to_allowed(T, joints)[0])
+        heights.append(first)
+    assert abs(heights[0] - heights[1]) > 0.01

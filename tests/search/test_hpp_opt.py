@@ -27,7 +27,7 @@ class FakeOptimiser:
         self.asked.append(X)
         return X
 
-    def tell(self, X, y, features=None):
+    def tell(self, X, y, features=None, feasible=None):
         self.told.append((np.array(X), np.array(y), features))
 
 

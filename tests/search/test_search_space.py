@@ -225,3 +225,14 @@ def test_places_are_those_of_the_coordinates_as_they_are_now():
     X[2, 2] = 1.0 - X[2, 2]
     assert_allclose(space.places(X), adapt(space.poses(X)))
     assert not np.allclose(space.places(X)[2], first[2])
+
+
+def test_coordinates_are_the_inverse_of_poses(rng):
+    space = PalmSearchSpace(np.array([[-0.03, -0.02, -0.05], [0.04, 0.02, 0.05]]), 0.12)
+    X = space.domain.sample(200, rng)
+    T = space.poses(X)
+    np.testing.assert_allclose(space.poses(space.coordinates(T)), T, atol=1e-9)
+    far = T.copy()
+    far[:, :3, 3] = space.center + 10.0 * (T[:, :3, 3] - space.center)
+    np.testing.assert_allclose(space.coordinates(far)[:, 2], 1.0)
+    assert np.isfinite(space.coordinates(np.eye(4)[None])).all()

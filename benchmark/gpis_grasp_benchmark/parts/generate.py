@@ -25,21 +25,27 @@ STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribu
 
 @dataclass(frozen=True)
 class Recipe:
-    """How one part is made: its solid, what it is made of, and its longest edge [mm]."""
+    """How one part is made: its solid, what it is made of, and its longest edge [mm].
+
+    Name and description are those of the function where they are not given.
+    """
 
     build: Callable[[], Solid]
     material: str
     max_edge_mm: float
+    given_name: str = ""
+    given_description: str = ""
+    finish: Callable[[Solid, float], tuple[NDArray[np.float64], NDArray[np.int64]]] = finished
 
     @property
     def name(self) -> str:
         """The part's ID: the name of its function."""
-        return self.build.__name__
+        return self.given_name or self.build.__name__
 
     @property
     def description(self) -> str:
         """What the part is: the first line of its function's docstring."""
-        return (self.build.__doc__ or "").splitlines()[0]
+        return self.given_description or (self.build.__doc__ or "").splitlines()[0]
 
 
 RECIPES: tuple[Recipe, ...] = (
@@ -61,7 +67,7 @@ RECIPES: tuple[Recipe, ...] = (
 
 def make(recipe: Recipe) -> NDArray[np.float32]:
     """Corner points (m, 3, 3) [mm] of a part, in the precision of its file."""
-    vertices, faces = finished(recipe.build(), recipe.max_edge_mm)
+    vertices, faces = recipe.finish(recipe.build(), recipe.max_edge_mm)
     return vertices.astype(np.float32)[faces]
 
 
@@ -81,10 +87,10 @@ def sidecar_text(recipe: Recipe) -> str:
     return f'description: "{recipe.description}"\nunit: mm\nmaterial: {recipe.material}\n'
 
 
-def write_all(directory: Path) -> None:
+def write_all(directory: Path, recipes: Sequence[Recipe] = RECIPES) -> None:
     """Make every part and write its two files."""
     directory.mkdir(parents=True, exist_ok=True)
-    for recipe in RECIPES:
+    for recipe in recipes:
         triangles = make(recipe)
         (directory / f"{recipe.name}.stl").write_bytes(binary_stl(triangles))
         (directory / f"{recipe.name}.yaml").write_text(sidecar_text(recipe), encoding="utf-8")

@@ -23,7 +23,7 @@ class BalancedEvaluator:
     """Implements `grasp.evaluator.PostureEvaluator` on top of another one.
 
     Attempts with force closure get their `imbalance`, by which their objective is less
-    (:func:`~gpis_grasp_planner.quality.closing_balance.balance_factor`).
+    (:func:`~gpis_grasp_planner.quality.balance_factor.balance_factor`).
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.quality.closing_balance import balance_factor
+from gpis_grasp_planner.quality.balance_factor import balance_factor
 from gpis_grasp_planner.quality.contacts import Contacts
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.transforms import rotation_angle
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.quality.closing_balance import balance_factor
+from gpis_grasp_planner.quality.balance_factor import balance_factor
 
 Array = NDArray[np.float64]
 

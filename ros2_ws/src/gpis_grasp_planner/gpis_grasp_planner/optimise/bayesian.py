@@ -30,6 +30,7 @@ from gpis_grasp_planner.optimise.acquisition_search import (
 from gpis_grasp_planner.optimise.candidate_posterior import CandidatePosterior
 from gpis_grasp_planner.optimise.distances import Distance
 from gpis_grasp_planner.optimise.domain import Domain
+from gpis_grasp_planner.optimise.feasibility import FeasibilityModel
 from gpis_grasp_planner.optimise.gaussian_process import GaussianProcess, GaussianProcessSettings
 from gpis_grasp_planner.optimise.observation_window import choose_window
 from gpis_grasp_planner.settings import SettingsGroup, setting
@@ -117,6 +118,7 @@ class BayesianOptimiser:
         self._n_in_process = 0
         self._window = np.zeros(0, dtype=np.intp)
         self._next_refit = 0.0
+        self.feasibility = FeasibilityModel(self.process.distance)
 
     @property
     def n_observations(self) -> int:
@@ -165,7 +167,13 @@ class BayesianOptimiser:
             chosen.extend(self._ask_model(k - len(chosen)))
         return np.asarray(chosen)
 
-    def tell(self, X: ArrayLike, y: ArrayLike, features: ArrayLike | None = None) -> None:
+    def tell(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        features: ArrayLike | None = None,
+        feasible: ArrayLike | None = None,
+    ) -> None:
         """Take values y (n,) at points X (n, dim), or one of each.
 
         Parameters
@@ -173,6 +181,9 @@ class BayesianOptimiser:
         features : (n, p) array_like, optional
             Where the evaluation moved the point (a local adaption), the features of what was
             evaluated in the end; default: those of X.
+        feasible : (n,) bool array_like, optional
+            Which points a constraint allowed; default: all. The others' values do not count: they
+            are no observations, but lower the probability that their neighbours are feasible.
         """
         X = np.atleast_2d(np.asarray(X, dtype=float))
         y = np.atleast_1d(np.asarray(y, dtype=float))
@@ -185,6 +196,9 @@ class BayesianOptimiser:
                 "A told point or value is NaN or infinite; map failures to a finite bad value."
             )
         new = self.domain.features(X) if features is None else np.atleast_2d(features)
+        allowed = np.ones(len(y), dtype=bool) if feasible is None else np.atleast_1d(feasible)
+        self.feasibility.tell(new, allowed)
+        X, y, new = X[allowed], y[allowed], new[allowed]
         self.X = np.vstack([self.X, X])
         self.y = np.concatenate([self.y, y])
         self._features = np.vstack([self._features, new])
@@ -234,8 +248,10 @@ class BayesianOptimiser:
         xi = self.settings.xi * self.process.target_std
 
         def acquisition(X: Array) -> Array:
-            mean, std = self.process.predict(self.domain.features(X))
-            return log_expected_improvement(mean + self._known(X), std, self._to_beat(X, best), xi)
+            features = self.domain.features(X)
+            mean, std = self.process.predict(features)
+            score = log_expected_improvement(mean + self._known(X), std, self._to_beat(X, best), xi)
+            return score + self._log_feasible(features)
 
         if k == 1:
             x, _ = maximise_acquisition(
@@ -244,13 +260,17 @@ class BayesianOptimiser:
             return [x]
 
         def spread(X: Array) -> NDArray[np.intp]:
-            posterior = CandidatePosterior(self.process, self.domain.features(X), k)
+            features = self.domain.features(X)
+            posterior, log_feasible = (
+                CandidatePosterior(self.process, features, k),
+                self._log_feasible(features),
+            )
             mean = posterior.mean + self._known(X)
             chosen: list[int] = []
             taken = np.zeros(len(X), dtype=bool)
             believed = self._to_beat(X, best)
             for _ in range(k):
-                score = log_expected_improvement(mean, posterior.std, believed, xi)
+                score = log_expected_improvement(mean, posterior.std, believed, xi) + log_feasible
                 score[taken] = -np.inf
                 index = int(np.argmax(score))
                 chosen.append(index)
@@ -269,6 +289,11 @@ class BayesianOptimiser:
         )
         pool = np.vstack([refined, X])
         return list(pool[spread(pool)])
+
+    def _log_feasible(self, features: Array) -> Array | float:
+        if self.feasibility.is_certain:
+            return 0.0
+        return np.log(self.feasibility.probability(features, self.process.length_scales))
 
     def _known(self, X: Array) -> Array | float:
         return 0.0 if self.known_term is None else self.known_term(X)

@@ -156,22 +156,22 @@ class Finisher:
                 so_far.lose(Step.HELD, grasp.trials.outcomes[0].cause)
         return so_far.funnel(Step.HELD)
 
-    def _lose(self, cause: Loss) -> None:
-        self.tally.lose(Step.CONFIRMED, cause)
-
     def _finish(self, candidate: Candidate) -> FinishedGrasp | None:
         start = self.clock()
         try:
             grasp = grasp_of(candidate, self.context)
             if not grasp.feasible:
-                return self._lose(Loss.INEXACT)
+                self.tally.lose(Step.CONFIRMED, Loss.INEXACT)
+                return None
             [grasp], [clearance] = self.placing.clear([grasp])
             if not clearance.clear:
-                return self._lose(Loss.MARGIN)
+                self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
+                return None
             self.n_seen += 1
             [confirmed] = self.confirm([grasp])
             if not confirmed:
-                return self._lose(Loss.SCENE)
+                self.tally.lose(Step.CONFIRMED, Loss.SCENE)
+                return None
             [grasp], [clearance] = self.placing.finished([grasp], [clearance])
             return FinishedGrasp(grasp, clearance)
         finally:

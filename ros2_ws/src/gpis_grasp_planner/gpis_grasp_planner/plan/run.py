@@ -22,6 +22,7 @@ from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, no
 from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
+from gpis_grasp_planner.plan.hand_limits import HandLimit, limit_of
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.kept_cover import KeptCover
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -106,6 +107,7 @@ class PlanRun:
         self._search = make_search(request.planner, self._context)
         self._finisher = Finisher(self._context, placing, self._confirm, monitor.now, self._tally)
         self._hold = hold
+        self._limit: HandLimit | None = None
         self._convergence: list[tuple[float, int, float]] = []
         self._trials = None if request.verification == "none" else self._make_trials()
 
@@ -133,6 +135,16 @@ class PlanRun:
         """
         monitor, trials = self.monitor, self._trials
         self._finisher.add(known)
+        with monitor.phase(Phase.PREPARING):
+            self._limit = (
+                None
+                if known
+                else limit_of(
+                    self.part, self.hand, self._friction, self.place, self.settings, monitor
+                )
+            )
+        if self._limit is not None:
+            return self._answer_of((), None)
         while True:
             self._search_on()
             deadline = None if self.request.max_evaluations else self._deadline
@@ -361,6 +373,8 @@ class PlanRun:
                 f"Planning for '{part.mesh_id}' was cancelled.",
                 None if grasps else miss,
             )
+        if self._limit is not None:
+            return self._limit.code, self._limit.message, None
         if not grasps:
             code, text = nothing_found(
                 part, self._evaluator.n_attempts, funnel, finisher.n_disagreed

@@ -12,6 +12,7 @@ from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.search.settings import (
     AdaptionSettings,
     AdmmCpSettings,
+    ContactSettings,
     DualSettings,
     HppSettings,
     RefinementSettings,
@@ -34,6 +35,7 @@ class PlannerSettings:
     hpp: HppSettings = field(default_factory=HppSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     dual: DualSettings = field(default_factory=DualSettings)
+    contacts: ContactSettings = field(default_factory=ContactSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)

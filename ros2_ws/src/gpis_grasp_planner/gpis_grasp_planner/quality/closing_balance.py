@@ -22,7 +22,7 @@ set of the one before.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.hand.description import HandDescription
@@ -38,10 +38,6 @@ _CONE_EDGES = 8
 # How much more a bound of a drive counts than the equilibrium: bounds are kept to some percent of
 # what remains unbalanced.
 _BOUND_WEIGHT = 20.0
-# Share of grasps that hold although much is unbalanced, and the imbalance at which half of what
-# is beyond that is lost (`docs/verification.md`).
-_LEAST_FACTOR = 0.15
-_HALF_AT = 0.2
 
 
 class ClosingBalance:
@@ -144,12 +140,6 @@ def tip_arms(hand: HandDescription, finger: int) -> tuple[float, float]:
     tip = hand.drive.tip_point
     T = hand.T_parent_joint[hand.fingers[finger].distal_link]
     return float(np.linalg.norm(T[:3, :3] @ tip + T[:3, 3])), float(np.linalg.norm(tip))
-
-
-def balance_factor(imbalance: ArrayLike) -> Array:
-    """What an objective is multiplied by: 1 where all is balanced, down to 0.15."""
-    lost = 1.0 / (1.0 + (np.asarray(imbalance) / _HALF_AT) ** 2)
-    return _LEAST_FACTOR + (1.0 - _LEAST_FACTOR) * lost
 
 
 @njit

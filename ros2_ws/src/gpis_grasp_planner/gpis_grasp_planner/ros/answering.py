@@ -15,7 +15,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
-from gpis_grasp_planner.ros.conversions import MeshVersion, grasp_message
+from gpis_grasp_planner.ros.conversions import MeshVersion, funnel_messages, grasp_message
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
@@ -155,6 +155,7 @@ class GraspAnswering:
         response.code = int(plan.code)
         response.message = plan.message
         response.evaluations = plan.evaluations
+        response.funnel = funnel_messages(plan.funnel)
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
         response.grasps = [

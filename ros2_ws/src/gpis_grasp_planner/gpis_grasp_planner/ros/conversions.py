@@ -17,9 +17,10 @@ from std_msgs.msg import Header
 
 from gpis_grasp_msgs.action import PlanGrasp
 from gpis_grasp_msgs.msg import Contact as ContactMessage
+from gpis_grasp_msgs.msg import FunnelStep, GraspVerification
 from gpis_grasp_msgs.msg import Grasp as GraspMessage
-from gpis_grasp_msgs.msg import GraspVerification
 from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import Trials
 from gpis_grasp_planner.hand.description import HandDescription
@@ -34,6 +35,16 @@ def header_message(pose: ObjectPose) -> Header:
     """Frame and stamp that everything derived from an object pose carries."""
     seconds, nanoseconds = divmod(pose.stamp_ns, NANOSECONDS)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=pose.frame_id)
+
+
+def funnel_messages(funnel: Funnel) -> list[FunnelStep]:
+    """One message a step; none where nothing was proposed."""
+    if not funnel.proposed:
+        return []
+    return [
+        FunnelStep(name=str(step), passed=left, causes=list(causes), lost=list(causes.values()))
+        for step, left, causes in funnel.table
+    ]
 
 
 def pose_message(T: Array) -> Pose:

@@ -16,26 +16,40 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gpis_grasp_planner.search.contacts.contact_first import ContactFirst
 from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
 from gpis_grasp_planner.search.refinement.contact_refinement import ContactRefinement
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.search.context import PlanningContext
 
+# The list wants the best: by their plain sum many weak grasps would outweigh a few strong ones.
+_FOR_THE_BEST = 3
+_PRIOR = 30.0  # hands' worth of belief that both kinds are alike
+
 
 class DualOptimiser:
-    """HPP-Opt and contact refinement in turn.
+    """HPP-Opt and contact refinement in turn, and within the first stage palms and contacts.
 
     Turns are given by the number of attempts, not by the clock, so that a run is repeatable.
+    Proposals that begin with the contacts get their share, or less where their attempts are worth
+    less than those of the palms: on a table with a flat part on it they mostly are.
     """
 
     def __init__(self, context: PlanningContext):
         self._evaluator = context.evaluator
+        self._weight = context.archive.volume_weight
         self._share = context.settings.dual.second_stage_share
         self._batch = context.settings.hpp.batch
+        self._settings = context.settings.contacts
         self._first = PalmPoseOptimiser(context)
+        self._contacts = ContactFirst(context)
         self._second = ContactRefinement(context)
         self._attempts = [0, 0]
+        # Of palms and of contacts: hands of the first stage, and the sum of a power of
+        # their objectives.
+        self._tried = [0, 0]
+        self._worth = [0.0, 0.0]
 
     @property
     def finished(self) -> bool:
@@ -51,7 +65,36 @@ class DualOptimiser:
         if turn:
             self._second.step()
         else:
+            self._propose()
+        self._attempts[turn] += self._evaluator.n_attempts - before
+
+    def _propose(self) -> None:
+        """A batch of the kind of proposal that is behind its share."""
+        before = self._evaluator.n_attempts
+        kind = int(self._tried[1] < self._contact_share * sum(self._tried) and self._contacts.able)
+        if kind:
+            attempts, owner = self._contacts.attempt(self._batch)
+            # What constraints did not even let close has been tried, too.
+            spent = self._batch * self._settings.n_seed
+            if self._settings.tell_model:
+                self._first.tell_attempts(attempts, owner)
+        else:
             proposals = self._first.propose(self._batch)
             self._first.tell(proposals)
-            self._second.consider(proposals.attempts)
-        self._attempts[turn] += self._evaluator.n_attempts - before
+            attempts = proposals.attempts
+            spent = self._evaluator.n_attempts - before
+        self._second.consider(attempts)
+        self._tried[kind] += spent
+        self._worth[kind] += float((attempts.objective(self._weight) ** _FOR_THE_BEST).sum())
+
+    @property
+    def _contact_share(self) -> float:
+        """The share that contacts get now: as set, or less by how much less they are worth."""
+        mean = sum(self._worth) / max(sum(self._tried), 1)
+        if mean <= 0.0:
+            return self._settings.share
+        palms, contacts = (
+            (worth + _PRIOR * mean) / (tried + _PRIOR)
+            for worth, tried in zip(self._worth, self._tried, strict=True)
+        )
+        return self._settings.share * min(1.0, contacts / palms)

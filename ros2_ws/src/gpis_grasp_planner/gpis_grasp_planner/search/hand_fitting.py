@@ -47,13 +47,18 @@ class HandFitting:
         axes = [c.approach_axis for c in self._constraints if c.approach_axis is not None]
         return axes[0] if axes else None
 
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close hands near poses (B, 4, 4) with spreads (B,) [rad]; `T_object_palm` says where."""
+    def attempt(self, T_object_palm: Array, spread: Array, joints: Array | None = None) -> Attempts:
+        """Close hands near poses (B, 4, 4) with spreads (B,) [rad]; `T_object_palm` says where.
+
+        `joints` (B, J) [rad] are the postures in which they are expected to hold; without, hands
+        that are closed about something small.
+        """
         if not self._constraints:
             return self._evaluator.attempt(T_object_palm, spread)
-        n_fingers = len(self._hand.fingers)
-        narrow = joints_from_motors(self._hand, spread, np.full((len(spread), n_fingers), _NARROW))
-        T = self._nearest(T_object_palm, narrow)
+        if joints is None:
+            motors = np.full((len(spread), len(self._hand.fingers)), _NARROW)
+            joints = joints_from_motors(self._hand, spread, motors)
+        T = self._nearest(T_object_palm, joints)
         attempts = self._evaluator.attempt(T, spread)
         for _ in range(_ROUNDS):
             T = self._freed(attempts)
@@ -63,6 +68,13 @@ class HandFitting:
             again = self._evaluator.attempt(T[rows], attempts.spread[rows])
             attempts = _merged(attempts, rows, again)
         return attempts
+
+    def way_to_allowed(self, T_object_palm: Array, joints: Array) -> Array:
+        """How far hands (B, 4, 4), (B, J) [rad] are from where constraints let them (B,) [m]."""
+        T = T_object_palm
+        for constraint in self._constraints:
+            T = constraint.nearest(T, joints)
+        return np.asarray(np.linalg.norm((T - T_object_palm)[:, :3, 3], axis=1))
 
     def _freed(self, attempts: Attempts) -> Array:
         """Where worthless attempts would have been allowed (B, 4, 4); the others stay."""

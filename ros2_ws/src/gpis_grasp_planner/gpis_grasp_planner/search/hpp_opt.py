@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.grasp.evaluator import Attempts
+from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.optimise.bayesian import BayesianOptimiser, BayesianSettings
 from gpis_grasp_planner.optimise.gaussian_process import GaussianProcessSettings
 from gpis_grasp_planner.search.local_adaption import LocalAdaption
@@ -46,6 +46,8 @@ class Proposals:
         Pose of the palm's face of the best attempt, or of the proposal.
     posture : (k, 0 or 2) array
         Spread [rad] and standoff [m] of the same, where the model knows them.
+    feasible : (k,) bool array
+        Which proposals had a seed that no constraint blocked.
     """
 
     X: Array
@@ -54,6 +56,7 @@ class Proposals:
     values: Array
     T_object_face: Array
     posture: Array
+    feasible: NDArray[np.bool_]
 
 
 class PalmPoseOptimiser:
@@ -110,11 +113,13 @@ class PalmPoseOptimiser:
         attempts, owner = adapted.attempts, adapted.proposal
         self._context.archive.add(attempts)
         objective = attempts.objective(self.settings.volume_weight)
-        best = np.full(len(X), -1)
+        blocked = attempts.status == AttemptStatus.BLOCKED
+        best, feasible = np.full(len(X), -1), np.ones(len(X), dtype=np.bool_)
         for k in range(len(X)):
             own = np.flatnonzero(owner == k)
             if len(own):
                 best[k] = own[np.argmax(objective[own])]
+                feasible[k] = not (self.settings.learn_feasibility and blocked[own].all())
         values = np.where(best >= 0, objective[best] if len(objective) else 0.0, 0.0)
         found = best >= 0
         T_object_face[found] = attempts.T_object_palm[best[found]] @ self.adaption.T_palm_face
@@ -122,7 +127,7 @@ class PalmPoseOptimiser:
             posture[found, 0] = attempts.spread[best[found]]
             posture[found, 1] = adapted.standoff[best[found]]
         self.iterations += len(X)
-        return Proposals(X, attempts, best, values, T_object_face, posture)
+        return Proposals(X, attempts, best, values, T_object_face, posture, feasible)
 
     def tell(self, proposals: Proposals) -> None:
         """Lines 9 and 10: tell the values at the poses where they were found."""
@@ -130,7 +135,29 @@ class PalmPoseOptimiser:
             proposals.X,
             proposals.values,
             features=self.space.features_of(proposals.T_object_face, proposals.posture),
+            feasible=proposals.feasible,
         )
+
+    def tell_attempts(self, attempts: Attempts, owner: NDArray[np.int64]) -> None:
+        """Tell the best attempt of each owner (B,), proposed by others than the model.
+
+        As standoff counts how far the palm's face is from the surface.
+        """
+        objective = attempts.objective(self.settings.volume_weight)
+        of_each = [np.flatnonzero(owner == k) for k in np.unique(owner)]
+        best = np.array([rows[np.argmax(objective[rows])] for rows in of_each], dtype=np.int64)
+        if not len(best):
+            return
+        T_face = attempts.T_object_palm[best] @ self.adaption.T_palm_face
+        X = self.space.coordinates(T_face)
+        posture = np.zeros((len(best), 0))
+        if self.settings.model_posture:
+            _, nearest = self._context.atlas.nearest(T_face[:, :3, 3])
+            standoff = np.linalg.norm(T_face[:, :3, 3] - nearest, axis=1)
+            posture = np.stack([attempts.spread[best], standoff], axis=1)
+            posture = np.clip(posture, 0.0, self._posture_upper())
+            X = np.hstack([X, posture])
+        self._optimiser.tell(X, objective[best], features=self.space.features_of(T_face, posture))
 
     def _posture_upper(self) -> Array:
         s = self.adaption.settings

@@ -131,6 +131,22 @@ class PalmSearchSpace:
         R = Rotation.from_quat(quat_from_hyperspherical(X[:, 3:6])).as_matrix()
         return transform(R, self.positions(X))
 
+    def coordinates(self, T_object_face: Array) -> Array:
+        """Coordinates (n, 6) of poses of the palm's face (n, 4, 4); the inverse of `poses`.
+
+        A position that is not between the two ellipsoids gets the nearest s that is.
+        """
+        offset = (T_object_face[:, :3, 3] - self.center) / self.inner_axes
+        r = np.linalg.norm(offset, axis=1)
+        direction = offset / np.maximum(r, 1e-12)[:, None]
+        r_max = 1.0 / np.linalg.norm(direction * self.inner_axes / self.outer_axes, axis=1)
+        s = np.clip((r - 1.0) / (r_max - 1.0), 0.0, 1.0)
+        theta_e = np.arccos(np.clip(direction[:, 2], -1.0, 1.0))
+        phi_e = np.mod(np.arctan2(direction[:, 1], direction[:, 0]), 2.0 * np.pi)
+        quat = Rotation.from_matrix(T_object_face[:, :3, :3]).as_quat()
+        # Both signs are the same rotation; phi of the angles is in [0, pi] either way.
+        return np.column_stack([theta_e, phi_e, s, hyperspherical_from_quat(quat)])
+
     def _features(self, X: Array) -> Array:
         return self._features_at(self.places(X), X[:, 6:])
 

@@ -116,6 +116,11 @@ class HppSettings(SettingsGroup):
         description="The model also proposes spread and standoff; without (the paper's form) "
         "the seeds of the local adaption draw them.",
     )
+    learn_feasibility: bool = setting(
+        False,
+        description="What a constraint blocks lowers the probability of its neighbourhood, in "
+        "place of counting as value 0.",
+    )
     volume_weight: float = setting(
         0.5,
         low=0.0,
@@ -207,6 +212,29 @@ class DualSettings(SettingsGroup):
 
 
 @dataclass(frozen=True)
+class ContactSettings(SettingsGroup):
+    """Proposals that begin with the contacts."""
+
+    share: float = setting(
+        0.2,
+        low=0.0,
+        high=1.0,
+        description="Largest share of the first stage's attempts whose hands are put about pairs "
+        "and triples of contacts, beside those that settle on a chart; less where they are worth "
+        "less.",
+    )
+    triple_share: float = setting(
+        0.3, low=0.0, high=1.0, description="Share of the sets of contacts that are triples."
+    )
+    n_seed: int = setting(
+        4, low=1, high=100, description="Hands (postures and rolls) tried for each set of contacts."
+    )
+    tell_model: bool = setting(
+        False, description="Whether the model of the palm's pose learns from them, too."
+    )
+
+
+@dataclass(frozen=True)
 class AdmmCpSettings(SettingsGroup):
     """Parameters of ADMM-CP-Opt."""
 
@@ -264,4 +292,5 @@ class SearchSettings:
     hpp: HppSettings = field(default_factory=HppSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     dual: DualSettings = field(default_factory=DualSettings)
+    contacts: ContactSettings = field(default_factory=ContactSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)

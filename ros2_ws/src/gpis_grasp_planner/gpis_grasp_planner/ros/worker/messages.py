@@ -6,10 +6,11 @@ Every message is a pair of a number and one of these; answers have the number of
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.plan.request import PlanRequest
@@ -104,6 +105,8 @@ class Plan:
         order to place the plan, so that a new process needs nothing of an old one's.
     place : mapping or None
         The place that the plan is for; None for free space.
+    funnel : Funnel
+        Where grasps got lost.
     enough : bool
         Whether a plan from what was known needs no further search
         (`plan.placing.KnownAnswer.satisfies`).
@@ -121,6 +124,7 @@ class Plan:
     record: bytes = b""
     place: Mapping[str, Any] | None = None
     enough: bool = True
+    funnel: Funnel = field(default_factory=Funnel)
 
 
 @dataclass(frozen=True)

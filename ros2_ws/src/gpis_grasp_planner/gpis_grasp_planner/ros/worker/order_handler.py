@@ -209,6 +209,7 @@ def _plan_of(result: PlanResult, monitor: Monitor) -> Plan:
         best_attempt=result.best_attempt,
         notes=result.notes,
         evaluations=result.evaluations,
+        funnel=result.funnel,
         elapsed_s=monitor.elapsed_s,
         place=result.place,
     )

@@ -1,0 +1,19 @@
+"""What an imbalance costs an objective; apart from its computation, which needs compiled code."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# Share of grasps that hold although much is unbalanced, and the imbalance at which half of what
+# is beyond that is lost (`docs/verification.md`).
+_LEAST_FACTOR = 0.15
+_HALF_AT = 0.2
+
+
+def balance_factor(imbalance: ArrayLike) -> Array:
+    """What an objective is multiplied by: 1 where all is balanced, down to 0.15."""
+    lost = 1.0 / (1.0 + (np.asarray(imbalance) / _HALF_AT) ** 2)
+    return _LEAST_FACTOR + (1.0 - _LEAST_FACTOR) * lost
