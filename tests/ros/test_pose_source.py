@@ -13,10 +13,14 @@ from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import PartPose, PartPoses
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
+from gpis_grasp_planner.geometry.sidecar import Sidecar
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.ros import pose_source
+from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.settings import NodeSettings
+
+NO_FRAMES = EstimatorFrames(lambda _mesh_id: Sidecar())
 
 
 class Log:
@@ -63,7 +67,7 @@ def node() -> StandIn:
 @pytest.fixture
 def poses(node: StandIn, monkeypatch: pytest.MonkeyPatch) -> PoseSource:
     monkeypatch.setattr(pose_source, "WARNING_PERIOD_S", 0.0)
-    return PoseSource(node, NodeSettings)  # type: ignore[arg-type]
+    return PoseSource(node, NodeSettings, NO_FRAMES)  # type: ignore[arg-type]
 
 
 def part(mesh_id: str, entry: float = 0.0, frame: str = "cell") -> PartPose:
@@ -160,7 +164,7 @@ TF = NodeSettings(pose_type="tf", object_frames=("cup=mug",), object_parent_fram
 
 
 def test_a_parts_frame_on_tf_is_its_pose_at_the_time_it_was_seen(node: StandIn) -> None:
-    poses = PoseSource(node, lambda: TF)  # type: ignore[arg-type]
+    poses = PoseSource(node, lambda: TF, NO_FRAMES)  # type: ignore[arg-type]
     frames = Frames(10**18 - 2 * 10**9)
     poses.listen_to(frames)  # type: ignore[arg-type]
     pose = poses.newest("mug")
@@ -185,7 +189,7 @@ def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
     )
 
     settings = NodeSettings(pose_type="detection3d_array", class_ids=("12=mug",))
-    poses = PoseSource(node, lambda: settings)  # type: ignore[arg-type]
+    poses = PoseSource(node, lambda: settings, NO_FRAMES)  # type: ignore[arg-type]
     seen = ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id="12", score=0.8))
     seen.pose.pose.orientation.w = 1.0
     seen.pose.pose.position.x = 0.4
@@ -204,4 +208,4 @@ def test_a_type_that_is_not_installed_is_named(
     monkeypatch.setitem(sys.modules, "vision_msgs.msg", None)
     settings = NodeSettings(pose_type="detection3d_array")
     with pytest.raises(RequestError, match="vision_msgs is not installed"):
-        PoseSource(node, lambda: settings)  # type: ignore[arg-type]
+        PoseSource(node, lambda: settings, NO_FRAMES)  # type: ignore[arg-type]

@@ -128,6 +128,18 @@ class MeshCatalogue:
             part = replace(part, notes=(*part.notes, note))
         return part
 
+    def sidecar(self, mesh_id: str) -> Sidecar:
+        """What the YAML file beside the mesh of an ID says, without reading the mesh.
+
+        Raises
+        ------
+        RequestError, MeshError
+            As :meth:`load` does for the ID and the YAML file.
+        """
+        directory, path = self._find(mesh_id)
+        _check_inside(path, directory, mesh_id)
+        return _read_sidecar(path, mesh_id, directory)
+
     def _find(self, mesh_id: str) -> tuple[Path, Path]:
         for directory in self._directories:
             files = with_id(directory, mesh_id)

@@ -15,21 +15,26 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.materials import MATERIALS
 from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
+
+Array = NDArray[np.float64]
 
 MAX_SIDECAR_BYTES = 64_000
 KEYS = (
     "unit", "mass", "density", "center_of_mass", "friction", "material", "description", "scale",
-    "body",
+    "body", "estimator_frame",
 )  # fmt: skip
 MAX_MASS_KG = 1000.0
 MAX_DENSITY_KG_M3 = 30_000.0
 SCALE_RANGE = (1e-9, 1e9)
 MAX_COORDINATE_M = 10.0
+QUATERNION_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +53,18 @@ class Sidecar:
         The file's numbers are multiplied by it.
     body : str or int or None
         The name, or the number from 1, of the one body of the file that is the part.
+    T_mesh_estimator : (4, 4) array or None
+        Pose of the frame whose pose an estimator tells, in the mesh file's frame [m].
     """
 
     unit: str | None = None
     mass: float | None = None
     density: float | None = None
-    center_of_mass: np.ndarray[Any, np.dtype[np.float64]] | None = None
+    center_of_mass: Array | None = None
     friction: Friction | None = None
     scale: float | None = None
     body: str | int | None = None
+    T_mesh_estimator: Array | None = None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -140,6 +148,9 @@ def _sidecar(content: Mapping[str, Any], name: str) -> Sidecar:
         friction,
         _scale(content["scale"], name) if "scale" in content else None,
         _body(content["body"], name) if "body" in content else None,
+        _estimator_frame(content["estimator_frame"], name)
+        if "estimator_frame" in content
+        else None,
     )
 
 
@@ -175,17 +186,36 @@ def _coefficient(value: Any, what: str, name: str) -> float:
     return float(value)
 
 
-def _point(value: Any, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _estimator_frame(value: Any, name: str) -> Array:
+    """T_mesh_estimator of a position in m and an orientation; either may be left out."""
+    keys = {"position", "orientation_xyzw"}
+    if not isinstance(value, Mapping) or not value or not set(value) <= keys:
+        raise _invalid(
+            name,
+            f"has estimator_frame {reprlib.repr(value)}; give position [x, y, z] in m and "
+            "orientation_xyzw [x, y, z, w], or one of them",
+        )
+    position = _point(value.get("position", [0, 0, 0]), name, "estimator_frame's position")
+    quat = value.get("orientation_xyzw", [0, 0, 0, 1])
+    good = isinstance(quat, list) and len(quat) == 4 and all(_is_number(v) for v in quat)
+    if not good or abs(math.sqrt(sum(v * v for v in quat)) - 1.0) > QUATERNION_TOLERANCE:
+        raise _invalid(
+            name,
+            f"has estimator_frame's orientation_xyzw {reprlib.repr(quat)}; give four numbers "
+            f"[x, y, z, w] of length 1 within {QUATERNION_TOLERANCE:g}",
+        )
+    return from_position_quat_xyzw(position, np.array(quat, dtype=float))
+
+
+def _point(value: Any, name: str, what: str = "center_of_mass") -> Array:
     numbers = value if isinstance(value, list) else []
     if len(numbers) != 3 or not all(_is_number(v) for v in numbers):
-        raise _invalid(
-            name, f"has center_of_mass {reprlib.repr(value)}; give three numbers [x, y, z] in m"
-        )
+        raise _invalid(name, f"has {what} {reprlib.repr(value)}; give three numbers [x, y, z] in m")
     point = np.array(numbers, dtype=np.float64)
     if not (np.abs(point) <= MAX_COORDINATE_M).all():
         raise _invalid(
             name,
-            f"has center_of_mass {reprlib.repr(value)}; it is in metres, at most "
+            f"has {what} {reprlib.repr(value)}; it is in metres, at most "
             f"{MAX_COORDINATE_M:g} from the origin",
         )
     return point

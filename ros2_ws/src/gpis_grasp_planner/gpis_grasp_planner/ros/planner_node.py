@@ -17,6 +17,7 @@ from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.catalogue_service import CatalogueServices
 from gpis_grasp_planner.ros.diagnostics import Diagnostics
+from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
 from gpis_grasp_planner.ros.parameters import NodeParameters
 from gpis_grasp_planner.ros.plan_action import PlanGraspAction
 from gpis_grasp_planner.ros.plan_service import SERVICE, PlanGraspService
@@ -56,7 +57,9 @@ class GraspPlannerNode(Node):
             self._work_limits, lambda text: self.get_logger().warning(text)
         )
         self.supervisor.ensure_started()
-        self.poses = PoseSource(self, lambda: self.parameters.node)
+        self.poses = PoseSource(
+            self, lambda: self.parameters.node, EstimatorFrames(catalogue.sidecar)
+        )
         self.frames = TfListener(self, lambda: self.parameters.node)
         self.poses.listen_to(self.frames)
         self.queue = WorkQueue(lambda: self.parameters.node.queue_size)

@@ -21,6 +21,7 @@ from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, R
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
 from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of
+from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose, RawPose, check_pose
 from gpis_grasp_planner.ros.scene_defaults import point_of_text
 from gpis_grasp_planner.ros.settings import NodeSettings
@@ -54,6 +55,7 @@ class PoseSource:
     node : Node
     settings : callable
         Gives the node's settings at the moment of the call.
+    estimators : EstimatorFrames
 
     Attributes
     ----------
@@ -61,9 +63,12 @@ class PoseSource:
         Called with the mesh ID of each good estimate, None for one that names no part.
     """
 
-    def __init__(self, node: Node, settings: Callable[[], NodeSettings]) -> None:
+    def __init__(
+        self, node: Node, settings: Callable[[], NodeSettings], estimators: EstimatorFrames
+    ) -> None:
         self._node = node
         self._settings = settings
+        self._estimators = estimators
         self._lock = threading.Lock()
         self._untagged: RawPose | None = None
         self._by_part: dict[str, RawPose] = {}
@@ -104,7 +109,7 @@ class PoseSource:
             self._frames = frames
 
     def newest(self, mesh_id: str) -> ObjectPose:
-        """The newest estimate for a part, checked at this moment.
+        """The newest estimate for a part, checked at this moment, as the pose of its mesh.
 
         An estimate that names the part (``part_poses``) goes before one that names none
         (``object_pose``), however new: with several parts about, the latter may be of another.
@@ -130,7 +135,7 @@ class PoseSource:
                 "the request.",
                 ErrorCode.NO_POSE_ESTIMATE,
             )
-        return self.checked(raw)
+        return self._estimators.pose_of_mesh(mesh_id, self.checked(raw))
 
     def from_request(self, message: PoseStamped) -> ObjectPose | None:
         """The pose a request carries, checked; None where it carries none.

@@ -24,6 +24,18 @@ def covariance_in_object(covariance: ArrayLike, R_world_object: ArrayLike) -> Ar
     return np.asarray(turn @ np.asarray(covariance, dtype=float) @ turn.T)
 
 
+def covariance_moved(covariance: ArrayLike, offset: ArrayLike) -> Array:
+    """A pose's covariance (6, 6) for another point of the same body, `offset` (3,) [m] away.
+
+    The offset is in the axes of the covariance. A turn dr of the body moves the point by
+    ``dr x offset``.
+    """
+    x, y, z = np.asarray(offset, dtype=float)
+    J = np.eye(6)
+    J[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return np.asarray(J @ np.asarray(covariance, dtype=float) @ J.T)
+
+
 def check_covariance(covariance: ArrayLike, of: str = "the pose") -> Array:
     """Return a covariance (6, 6), exactly symmetric, or raise PoseError saying what is wrong.
 
