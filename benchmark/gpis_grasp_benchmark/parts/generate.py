@@ -87,8 +87,8 @@ def sidecar_text(recipe: Recipe) -> str:
     return f'description: "{recipe.description}"\nunit: mm\nmaterial: {recipe.material}\n'
 
 
-def write_all(directory: Path, recipes: Sequence[Recipe] = RECIPES) -> None:
-    """Make every part and write its two files."""
+def write_all(directory: Path, recipes: Sequence[Recipe]) -> None:
+    """Make parts and write its two files."""
     directory.mkdir(parents=True, exist_ok=True)
     for recipe in recipes:
         triangles = make(recipe)
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("directory", nargs="?", type=Path, default=MESH_DIRECTORY)
-    write_all(parser.parse_args(arguments).directory)
+    write_all(parser.parse_args(arguments).directory, RECIPES)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.surroundings.clearance import Cause, Clearance, clear_grasps
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
-from gpis_grasp_planner.surroundings.pregrasp import narrow_pregrasp
+from gpis_grasp_planner.surroundings.pregrasp import is_open, narrow_pregrasp
 
 _ON_THE_WAY = (Cause.PREGRASP, Cause.CLOSING, Cause.APPROACH)
 
@@ -62,9 +62,13 @@ class GraspPlacing:
     def finished(
         self, grasps: Sequence[Grasp], found: Sequence[Clearance]
     ) -> tuple[list[Grasp], list[Clearance]]:
-        """Clear grasps with the pre-grasp that is answered, and the way to lift them."""
+        """Clear grasps with the pre-grasp that is answered, and the way to lift them.
+
+        Without anything around, what is not open any more was finished before and stays.
+        """
         kept, clearances = list(grasps), list(found)
-        self._narrow(kept, clearances, list(range(len(kept))))
+        rows = [i for i, grasp in enumerate(kept) if self.constrained or is_open(self.hand, grasp)]
+        self._narrow(kept, clearances, rows)
         support = self.around.support
         lift = None if support is None else support.normal
         return [replace(grasp, lift_direction=lift) for grasp in kept], clearances

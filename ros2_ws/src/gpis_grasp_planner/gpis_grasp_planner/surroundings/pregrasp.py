@@ -104,6 +104,12 @@ def narrow_pregrasp(
     ]
 
 
+def is_open(hand: HandDescription, grasp: Grasp) -> bool:
+    """Whether a grasp closes from fully open fingers."""
+    joints = [finger.inner_joint for finger in hand.fingers]
+    return bool((grasp.pregrasp_joints[joints] <= hand.joint_lower[joints] + 1e-9).all())
+
+
 def arrival_spread_s(hand: HandDescription, grasp: Grasp) -> float:
     """Time [s] between the first and the last finger's contact when all close from the pre-grasp.
 
