@@ -11,7 +11,11 @@ from gpis_grasp_planner.hand.drive import motors_from_joints
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.finalists import choose_finalists
 from gpis_grasp_planner.search.searches import make_search
-from gpis_grasp_planner.surroundings.pregrasp import arrival_spread_s, narrow_pregrasp
+from gpis_grasp_planner.surroundings.pregrasp import (
+    arrival_spread_s,
+    narrow_pregrasp,
+    timed_pregrasp,
+)
 
 CLEARANCE_M = 0.015
 TOGETHER_S = 0.005
@@ -96,3 +100,22 @@ def test_the_arrival_is_the_way_over_the_speed(planner, grasps):
     expected = np.ptp(ways) / hand.drive.motor_speed[1]
     opened = replace(grasp, pregrasp_joints=np.zeros(hand.n_joints))
     assert arrival_spread_s(hand, opened) == pytest.approx(expected)
+
+
+def test_where_nothing_stands_around_fingers_start_wide_and_arrive_together(
+    planner, mug, grasps, evaluator
+):
+    hand, tree = planner.hand, planner.prepare(mug).tree
+    timed = timed_pregrasp(hand, grasps, tree, CLEARANCE_M)
+    spreads = np.array([arrival_spread_s(hand, grasp) for grasp in timed])
+    changed = np.array([a is not b for a, b in zip(timed, grasps, strict=True)])
+    print("spread of arrivals [ms]", (1e3 * spreads).round(), changed)
+    assert changed.mean() > 0.5
+    assert (spreads[changed] < TOGETHER_S).all()
+    for grasp in np.array(timed, dtype=object)[changed]:
+        starts = grasp.pregrasp_joints[[finger.inner_joint for finger in hand.fingers]]
+        assert (starts == 0.0).any()
+    again = evaluator.attempt_from(
+        np.stack([g.T_object_palm for g in timed]), np.stack([g.pregrasp_joints for g in timed])
+    )
+    assert (again.status == 0).all()

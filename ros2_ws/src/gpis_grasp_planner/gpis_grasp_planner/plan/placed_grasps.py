@@ -17,7 +17,11 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.surroundings.clearance import Cause, Clearance, clear_grasps
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
-from gpis_grasp_planner.surroundings.pregrasp import is_open, narrow_pregrasp
+from gpis_grasp_planner.surroundings.pregrasp import (
+    is_open,
+    narrow_pregrasp,
+    timed_pregrasp,
+)
 
 _ON_THE_WAY = (Cause.PREGRASP, Cause.CLOSING, Cause.APPROACH)
 
@@ -67,8 +71,19 @@ class GraspPlacing:
         Without anything around, what is not open any more was finished before and stays.
         """
         kept, clearances = list(grasps), list(found)
-        rows = [i for i, grasp in enumerate(kept) if self.constrained or is_open(self.hand, grasp)]
-        self._narrow(kept, clearances, rows)
+        if not self.constrained:
+            if self.settings.pregrasp == "together":
+                rows = [i for i, grasp in enumerate(kept) if is_open(self.hand, grasp)]
+                timed = timed_pregrasp(
+                    self.hand,
+                    [kept[i] for i in rows],
+                    self.tree,
+                    self.settings.pregrasp_clearance_m,
+                )
+                for i, grasp in zip(rows, timed, strict=True):
+                    kept[i] = grasp
+            return kept, clearances
+        self._narrow(kept, clearances, list(range(len(kept))))
         support = self.around.support
         lift = None if support is None else support.normal
         return [replace(grasp, lift_direction=lift) for grasp in kept], clearances
