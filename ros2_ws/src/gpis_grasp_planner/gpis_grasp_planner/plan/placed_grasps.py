@@ -92,16 +92,23 @@ class GraspPlacing:
         """Narrow the pre-grasps of some grasps where that is clear, in place."""
         if self.settings.pregrasp == "open" or not rows:
             return
-        chosen = [grasps[i] for i in rows]
-        ways = (False, True) if self.settings.pregrasp == "together" else (False,)
-        for together in ways:
+        left = list(rows)
+        for together in (True, False) if self.settings.pregrasp == "together" else (False,):
             narrow = narrow_pregrasp(
-                self.hand, chosen, self.tree, self.settings.pregrasp_clearance_m, together
+                self.hand,
+                [grasps[i] for i in left],
+                self.tree,
+                self.settings.pregrasp_clearance_m,
+                together,
             )
             checked = self._clearances(narrow)
-            for i, grasp, clearance in zip(rows, narrow, checked, strict=True):
+            blocked = []
+            for i, grasp, clearance in zip(left, narrow, checked, strict=True):
                 if clearance.clear:
                     grasps[i], found[i] = grasp, clearance
+                else:
+                    blocked.append(i)
+            left = blocked
 
     def _clearances(self, grasps: Sequence[Grasp]) -> list[Clearance]:
         """From the surroundings; blocked as well where the request forbids the grasp."""
