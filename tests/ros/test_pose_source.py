@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
-from geometry_msgs.msg import PoseWithCovariance
+from geometry_msgs.msg import PoseStamped, PoseWithCovariance
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.msg import PartPose, PartPoses
@@ -209,3 +210,23 @@ def test_a_type_that_is_not_installed_is_named(
     settings = NodeSettings(pose_type="detection3d_array")
     with pytest.raises(RequestError, match="vision_msgs is not installed"):
         PoseSource(node, lambda: settings, NO_FRAMES)  # type: ignore[arg-type]
+
+
+def test_an_estimate_of_the_estimators_frame_is_told_as_the_pose_of_the_mesh(
+    node: StandIn,
+) -> None:
+    """What a request carries is the mesh's own pose and stays; another part's estimate as well."""
+    T_mesh_estimator = np.eye(4)
+    T_mesh_estimator[:3, 3] = [0.0, 0.0, 0.05]
+    frames = EstimatorFrames(
+        lambda mesh_id: Sidecar(T_mesh_estimator=T_mesh_estimator if mesh_id == "mug" else None)
+    )
+    poses = PoseSource(node, NodeSettings, frames)  # type: ignore[arg-type]
+    send(node, part("mug"), part("flask"))
+    assert poses.newest("mug").T_world_object[:3, 3] == pytest.approx([0.0, 0.0, -0.05])
+    assert poses.newest("flask").T_world_object[:3, 3] == pytest.approx([0.0, 0.0, 0.0])
+    carried = PoseStamped(header=Header(frame_id="cell"))
+    carried.pose.orientation.w = 1.0
+    given = poses.from_request(carried)
+    assert given is not None
+    assert given.T_world_object[:3, 3] == pytest.approx([0.0, 0.0, 0.0])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -20,28 +21,26 @@ from gpis_grasp_planner.verification.trial_world import TrialWorld
 pytestmark = pytest.mark.parametrize("name", ["bullet", "mujoco"])
 
 
-def far_away(
-    name: str, hand: HandDescription, part: Part, mass_kg: float, joints: np.ndarray | None = None
-) -> Engine:
+@contextmanager
+def far_away(name: str, hand: HandDescription, part: Part, mass_kg: float) -> Iterator[Engine]:
     """An entered engine with a free part a metre before the palm."""
-    engine = make_engine(name, hand, part, VerificationSettings())
-    engine.__enter__()
-    engine.take_pieces([part.mesh.vertices])
-    engine.place(transform(np.eye(3), np.array([0.0, 0.0, 1.0])), np.zeros(hand.n_joints))
-    engine.carry(mass_kg, damped=False)
-    return engine
+    with make_engine(name, hand, part, VerificationSettings()) as engine:
+        engine.take_pieces([part.mesh.vertices])
+        engine.place(transform(np.eye(3), np.array([0.0, 0.0, 1.0])), np.zeros(hand.n_joints))
+        engine.carry(mass_kg, damped=False)
+        yield engine
 
 
 @pytest.mark.parametrize("mass_kg", [0.01, 2.0])
 def test_a_free_part_goes_as_newton_says(
     name: str, mass_kg: float, hand: HandDescription, make_box: Callable[..., Part]
 ) -> None:
-    engine = far_away(name, hand, make_box(0.02, 0.04, 0.06), mass_kg)
     acceleration = np.array([3.0, -2.0, 1.0])
-    before = engine.part_pose()
-    engine.step(96, mass_kg * acceleration)
-    after = engine.part_pose()
-    t = 96 * engine.step_s
+    with far_away(name, hand, make_box(0.02, 0.04, 0.06), mass_kg) as engine:
+        before = engine.part_pose()
+        engine.step(96, mass_kg * acceleration)
+        after = engine.part_pose()
+        t = 96 * engine.step_s
     # the steps' own rule lies half a step off the integral
     assert after[:3, 3] - before[:3, 3] == pytest.approx(0.5 * acceleration * t**2, rel=0.02)
     assert after[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
@@ -71,13 +70,13 @@ def test_a_kept_state_comes_back_as_it_was(
 def test_the_part_has_its_inertia(
     name: str, hand: HandDescription, make_box: Callable[..., Part]
 ) -> None:
-    """A force at the centre of mass turns nothing, and the pose is that of the part's own frame."""
+    """Moments of a box by its formula; a pose that goes in comes out, in the part's own frame."""
     part = make_box(0.02, 0.04, 0.06)
     moments, axes = inertia_of(part)
     lengths = np.array([0.02, 0.04, 0.06]) ** 2 / 12.0
     assert sorted(moments) == pytest.approx(sorted(lengths.sum() - lengths), rel=1e-9)
     assert np.linalg.det(axes) == pytest.approx(1.0)
-    engine = far_away(name, hand, part, 0.1)
     T = transform(axes, np.array([0.1, 0.2, 1.0]))
-    engine.place(T, np.zeros(hand.n_joints))
-    assert inverse(T) @ engine.part_pose() == pytest.approx(np.eye(4), abs=1e-6)
+    with far_away(name, hand, part, 0.1) as engine:
+        engine.place(T, np.zeros(hand.n_joints))
+        assert inverse(T) @ engine.part_pose() == pytest.approx(np.eye(4), abs=1e-6)

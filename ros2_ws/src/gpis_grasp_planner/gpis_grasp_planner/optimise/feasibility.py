@@ -37,7 +37,7 @@ class FeasibilityModel:
         self._process = GaussianProcess(distance)
         self._features = np.zeros((0, distance.n_features))
         self._feasible = np.zeros(0, dtype=np.bool_)
-        self._fitted: tuple[int, bytes] | None = None
+        self._fitted: bytes | None = None  # length scales of the fit
 
     @property
     def is_certain(self) -> bool:
@@ -60,11 +60,11 @@ class FeasibilityModel:
         """
         if self.is_certain:
             return np.ones(len(features))
-        state = (len(self._feasible), np.asarray(length_scales).tobytes())
-        if self._fitted != state:
+        scales = np.asarray(length_scales).tobytes()
+        if self._fitted != scales:
             logs = [0.0, 2.0 * np.log(_NOISE_STD), *np.log(length_scales)]
             self._process.log_parameters = np.array(logs)
             self._process.fit(self._features, self._feasible.astype(float), optimise=False)
-            self._fitted = state
+            self._fitted = scales
         mean, std = self._process.predict(features)
         return np.maximum(ndtr((mean - 0.5) / np.maximum(std, 1e-9)), _LEAST)

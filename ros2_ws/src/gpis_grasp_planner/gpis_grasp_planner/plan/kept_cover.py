@@ -24,22 +24,22 @@ class KeptCover:
     def __init__(self, settings: CacheSettings, mesh: TriangleMesh, tolerance: float):
         self._disk = DiskCache.of(settings)
         self._key = repr((mesh.content_hash, tolerance, code_version(*_SOURCES)))
-        self._n_kept = 0
+        self._n_at_load = 0
 
     def load_into(self, cover: ConvexCover) -> None:
         """Take what the disk has of a cover, if it is more than there is. Some ms."""
-        if cover.is_complete():
-            return
-        arrays = self._disk.get(_KIND, self._key)
+        arrays = None if cover.is_complete() else self._disk.get(_KIND, self._key)
         if arrays is not None and int(arrays["covered"].sum()) > cover.n_covered:
             cover.take_arrays(arrays)
-        self._n_kept = max(self._n_kept, cover.n_covered)
+        self._n_at_load = cover.n_covered
 
     def save(self, cover: ConvexCover) -> None:
-        """Keep a cover, whole or in part, if it is more than is kept; what cannot be is left."""
-        if cover.n_covered <= self._n_kept:
+        """Keep a cover, whole or in part, that grew since it was loaded and is more than is kept.
+
+        What cannot be written is left.
+        """
+        if cover.n_covered <= self._n_at_load:
             return
         kept = self._disk.get(_KIND, self._key)
         if kept is None or int(kept["covered"].sum()) < cover.n_covered:
             self._disk.put(_KIND, self._key, cover.as_arrays())
-        self._n_kept = cover.n_covered

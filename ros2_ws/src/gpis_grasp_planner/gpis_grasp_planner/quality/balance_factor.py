@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# Share of grasps that hold although much is unbalanced, and the imbalance at which half of what
-# is beyond that is lost (`docs/verification.md`).
+# The factor where much is unbalanced, less than the share of such grasps that hold (a quarter,
+# `docs/verification.md`), and the imbalance at which half of what is beyond it is lost.
 _LEAST_FACTOR = 0.15
 _HALF_AT = 0.2
 

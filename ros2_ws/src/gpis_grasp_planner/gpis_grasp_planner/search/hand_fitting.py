@@ -71,9 +71,7 @@ class HandFitting:
 
     def way_to_allowed(self, T_object_palm: Array, joints: Array) -> Array:
         """How far hands (B, 4, 4), (B, J) [rad] are from where constraints let them (B,) [m]."""
-        T = T_object_palm
-        for constraint in self._constraints:
-            T = constraint.nearest(T, joints)
+        T = self._allowed(T_object_palm, joints)
         return np.asarray(np.linalg.norm((T - T_object_palm)[:, :3, 3], axis=1))
 
     def _freed(self, attempts: Attempts) -> Array:
@@ -87,11 +85,16 @@ class HandFitting:
         way = np.linalg.norm((T - attempts.T_object_palm)[:, :3, 3], axis=1)
         return np.where((way < _FARTHEST_M)[:, None, None], T, attempts.T_object_palm)
 
-    def _nearest(self, T_object_palm: Array, joints: Array) -> Array:
-        """The hands where the constraints let them, if that is near; else where they are."""
+    def _allowed(self, T_object_palm: Array, joints: Array) -> Array:
+        """The hands where the constraints let them, each asked after the other (B, 4, 4)."""
         T = T_object_palm
         for constraint in self._constraints:
             T = constraint.nearest(T, joints)
+        return T
+
+    def _nearest(self, T_object_palm: Array, joints: Array) -> Array:
+        """The hands where the constraints let them, if that is near; else where they are."""
+        T = self._allowed(T_object_palm, joints)
         near = np.linalg.norm((T - T_object_palm)[:, :3, 3], axis=1) < _FARTHEST_M
         return np.where(near[:, None, None], T, T_object_palm)
 

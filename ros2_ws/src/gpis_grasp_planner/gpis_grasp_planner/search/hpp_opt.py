@@ -113,13 +113,12 @@ class PalmPoseOptimiser:
         attempts, owner = adapted.attempts, adapted.proposal
         self._context.archive.add(attempts)
         objective = attempts.objective(self.settings.volume_weight)
-        blocked = attempts.status == AttemptStatus.BLOCKED
         best, feasible = np.full(len(X), -1), np.ones(len(X), dtype=np.bool_)
         for k in range(len(X)):
             own = np.flatnonzero(owner == k)
             if len(own):
                 best[k] = own[np.argmax(objective[own])]
-                feasible[k] = not (self.settings.learn_feasibility and blocked[own].all())
+                feasible[k] = self._feasible(attempts, own)
         values = np.where(best >= 0, objective[best] if len(objective) else 0.0, 0.0)
         found = best >= 0
         T_object_face[found] = attempts.T_object_palm[best[found]] @ self.adaption.T_palm_face
@@ -157,7 +156,17 @@ class PalmPoseOptimiser:
             posture = np.stack([attempts.spread[best], standoff], axis=1)
             posture = np.clip(posture, 0.0, self._posture_upper())
             X = np.hstack([X, posture])
-        self._optimiser.tell(X, objective[best], features=self.space.features_of(T_face, posture))
+        self._optimiser.tell(
+            X,
+            objective[best],
+            features=self.space.features_of(T_face, posture),
+            feasible=[self._feasible(attempts, rows) for rows in of_each],
+        )
+
+    def _feasible(self, attempts: Attempts, rows: NDArray[np.intp]) -> bool:
+        """Whether the model is told a value of these attempts, though all may be blocked."""
+        blocked = attempts.status[rows] == AttemptStatus.BLOCKED
+        return not (self.settings.learn_feasibility and blocked.all())
 
     def _posture_upper(self) -> Array:
         s = self.adaption.settings

@@ -61,7 +61,7 @@ def narrow_pregrasp(
 
     Notes
     -----
-    1 to 5 ms a grasp.
+    5 to 70 ms a grasp on meshes of 3,500 to 9,000 triangles.
     """
     if not grasps:
         return []
@@ -117,8 +117,8 @@ def timed_pregrasp(
 
     Where nothing stands around there is no need to be narrow: the finger with the shortest way
     stays as it is, and the others start closed by what they have more. A hand whose fingers would
-    not keep the clearance so, or come near each other, stays as it is. Some ms a grasp; parameters
-    as of :func:`narrow_pregrasp`.
+    not keep the clearance so, or come near each other, stays as it is. Some 0.6 ms a grasp;
+    parameters as of :func:`narrow_pregrasp`.
     """
     if not grasps:
         return []

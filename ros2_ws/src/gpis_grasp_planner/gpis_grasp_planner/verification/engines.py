@@ -39,7 +39,10 @@ def engine_names(choice: str) -> tuple[str, ...]:
 
 
 def load(choice: str, hand: HandDescription) -> None:
-    """Import and make what every trial needs, so that forked children have it (0.1 s)."""
+    """Import and make what every trial needs, so that forked children have it.
+
+    The first time MuJoCo takes 0.2 s, and hulls that are not on disk 0.4 s.
+    """
     for name in engine_names(choice):
         _LOADERS[name](hand)
 

@@ -76,7 +76,7 @@ class MujocoEngine:
             self._set_friction()
 
     def take_pieces(self, pieces: Sequence[Array]) -> None:
-        """Make the part anew of convex pieces (n, 3) in its frame. About 1 ms a piece."""
+        """Make the part anew of convex pieces (n, 3) in its frame. Some 0.3 ms a piece."""
         T_body_part = inverse(self._T_part_body)
         moved = [apply(T_body_part, piece) for piece in pieces]
         model = self.model = build_model(self.hand, moved, self._moments, self.step_s)
