@@ -59,7 +59,7 @@ def main() -> None:
     if not arguments.fit:
         collect_all(arguments, file)
     report = fit([json.loads(line) for line in file.read_text().splitlines()])
-    (arguments.out / "weights.md").write_text(report)
+    (arguments.out / "tables.md").write_text(report)
     print(report)
 
 
