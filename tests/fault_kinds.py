@@ -29,7 +29,6 @@ from gpis_grasp_planner.errors import ErrorCode as Code
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
 
 READ_LIMIT_S = 3.0
-LATE = {Code.DEADLINE_EXCEEDED}
 FOUND = {Code.SUCCESS}
 Harm = Callable[["Cell", random.Random], list[Any]]
 
@@ -105,7 +104,7 @@ def goal_of(cell: Cell, mesh_id: str, **fields: Any) -> Goal:
     support = PoseStamped()
     support.header.frame_id = "world"
     support.pose.position.z = -0.06
-    values = {"time_budget": 4.0, "verification": "rank", "support_plane": support, **fields}
+    values = {"time_budget": 5.0, "verification": "rank", "support_plane": support, **fields}
     return cell.client.send_goal(plan_request(mesh_id, **values))
 
 
@@ -219,17 +218,17 @@ def _hostile(cell: Cell, rng: random.Random) -> list[Any]:
 @fault("mesh file changed under way", FOUND, Code.MESH_UNREADABLE)
 def _changed(cell: Cell, rng: random.Random) -> list[Any]:
     with cell.part(rng) as (mesh_id, path):
-        answer = cell.client.begin(plan_request(mesh_id, time_budget=2.0))
-        time.sleep(rng.uniform(0.0, 2.0))
+        answer = cell.client.begin(plan_request(mesh_id, time_budget=4.0))
+        time.sleep(rng.uniform(0.0, 4.0))
         path.write_bytes(scaled_mug(rng.uniform(0.95, 1.05)))
-        return [waited(answer), cell.client.call(plan_request(mesh_id, time_budget=2.0))]
+        return [waited(answer), cell.client.call(plan_request(mesh_id, time_budget=4.0))]
 
 
 @fault("mesh file removed under way", FOUND, Code.UNKNOWN_MESH, Code.MESH_UNREADABLE)
 def _removed(cell: Cell, rng: random.Random) -> list[Any]:
     with cell.part(rng) as (mesh_id, path):
-        answer = cell.client.begin(plan_request(mesh_id, time_budget=2.0))
-        time.sleep(rng.uniform(0.0, 2.0))
+        answer = cell.client.begin(plan_request(mesh_id, time_budget=4.0))
+        time.sleep(rng.uniform(0.0, 4.0))
         path.unlink()
         return [waited(answer), cell.client.call(plan_request(mesh_id))]
 
@@ -237,14 +236,14 @@ def _removed(cell: Cell, rng: random.Random) -> list[Any]:
 @fault("disk cache damaged", FOUND)
 def _damaged_cache(cell: Cell, rng: random.Random) -> list[Any]:
     with cell.part(rng) as (mesh_id, _):
-        first = cell.client.call(plan_request(mesh_id, time_budget=2.0))
+        first = cell.client.call(plan_request(mesh_id, time_budget=4.0))
         for path in cell.cache.rglob("*.arrays"):
             data = bytearray(path.read_bytes())
             for _ in range(20):
                 data[rng.randrange(len(data))] ^= rng.randrange(1, 256)
             path.write_bytes(data[: rng.randrange(len(data))] if rng.random() < 0.3 else data)
         os.kill(cell.node.worker(), signal.SIGKILL)  # else it would not read it again
-        return [first, cell.client.call(plan_request(mesh_id, time_budget=2.0, seed=1))]
+        return [first, cell.client.call(plan_request(mesh_id, time_budget=4.0, seed=1))]
 
 
 def with_pose(cell: Cell, **fields: Any) -> list[Any]:
@@ -365,7 +364,7 @@ def limited(cell: Cell, rng: random.Random, kind: int, most: int) -> list[Any]:
     resource.prlimit(worker, kind, (most, before[1]))
     try:
         with cell.part(rng) as (mesh_id, _):
-            goal = goal_of(cell, mesh_id, time_budget=2.0)
+            goal = goal_of(cell, mesh_id)
             return [goal.answer()]
     finally:
         with suppress(ProcessLookupError):

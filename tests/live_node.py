@@ -106,6 +106,7 @@ class NodeClient:
         rclpy.init(context=self._context)
         self.node = Node(name, context=self._context, namespace=namespace)
         self._service = self.node.create_client(PlanGrasp, "plan_grasp", qos_profile=MANY)
+        self._known = self.node.create_client(PlanGrasp, "get_grasps", qos_profile=MANY)
         self._action = ActionClient(self.node, PlanGraspAction, "plan_grasp")
         self.parts = self.node.create_publisher(PartPoses, "part_poses", 10)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -133,9 +134,9 @@ class NodeClient:
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 
-    def begin(self, request: Any) -> Any:
-        """Send a request; a future of its answer."""
-        return self._service.call_async(request)
+    def begin(self, request: Any, *, only_known: bool = False) -> Any:
+        """Send a request of plan_grasp, or get_grasps; a future of its answer."""
+        return (self._known if only_known else self._service).call_async(request)
 
     def call(self, request: Any) -> Any:
         """The answer to a request, None where none came in a minute."""

@@ -121,7 +121,7 @@ def run_in(
         with node, NodeClient("client", namespace) as client:
             cell = Cell(node, client, parts, parts)
             with cell.part(random.Random(f"{name}/{k}")) as (mesh_id, _):
-                row.take(k, [client.call(plan_request(mesh_id, time_budget=2.0))])
+                row.take(k, [client.call(plan_request(mesh_id, time_budget=4.0))])
             row.good_request(k, client)
         check_log(node, row)
     row.print()
