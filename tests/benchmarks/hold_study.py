@@ -187,7 +187,7 @@ def tried(planner, part, first):
             found["displaced"] = sum(held)
             cases = finalist_cases(part, friction, base, JUDGE_SEED)
             held = []
-            for case in cases[2:]:
+            for case in cases[1:-1]:
                 verifier.use(case.settings)
                 held.append(verifier.verify_displaced(grasp, case.displacement).held)
             found["draws"], found["n_draws"] = sum(held), len(held)

@@ -44,7 +44,11 @@ class NodeProcess:
     """The node as users start it: a plain process."""
 
     def __init__(
-        self, log: Path, parameters: dict[str, str], environment: dict[str, str] | None = None
+        self,
+        log: Path,
+        parameters: dict[str, str],
+        environment: dict[str, str] | None = None,
+        main: str = "main",
     ) -> None:
         arguments = [f"{name}:={value}" for name, value in parameters.items()]
         self.log = log
@@ -52,8 +56,11 @@ class NodeProcess:
             self.process = subprocess.Popen(
                 [
                     sys.executable,
-                    "-m",
-                    "gpis_grasp_planner.ros.node",
+                    *(
+                        ("-m", "gpis_grasp_planner.ros.node")
+                        if main == "main"
+                        else ("-c", f"import gpis_grasp_planner.ros.node as n; n.{main}()")
+                    ),
                     *(["--ros-args"] if arguments else []),
                     *(word for argument in arguments for word in ("-p", argument)),
                 ],
@@ -238,12 +245,14 @@ def start_node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..
     started: list[NodeProcess] = []
 
     def start(
-        parameters: dict[str, str] | None = None, environment: dict[str, str] | None = None
+        parameters: dict[str, str] | None = None,
+        environment: dict[str, str] | None = None,
+        main: str = "main",
     ) -> NodeProcess:
         log = tmp_path_factory.mktemp("node") / "node.log"
         # Trials in physics take time; who wants them says so.
         quick = {"default_verification": "none", **(parameters or {})}
-        started.append(NodeProcess(log, quick, environment))
+        started.append(NodeProcess(log, quick, environment, main))
         return started[-1]
 
     yield start

@@ -156,7 +156,7 @@ def test_a_child_that_dies_or_hangs_costs_its_own_trial(
     number: signal.Signals,
 ) -> None:  # fmt: skip
     """Children are struck at random moments; every grasp is tried, no exception comes up."""
-    trials = make(replace(SETTINGS, trial_limit_s=1.5, processes=2))
+    trials = make(replace(SETTINGS, trial_limit_s=1.5, processes=2, engine="mujoco"))
     grasps = [shifted(firm, i) for i in range(FAULTS)]
     struck = 0
     for grasp in grasps:

@@ -49,6 +49,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"grasp_planner_node = {NAME}.ros.node:main",
+            f"grasp_planner_lifecycle_node = {NAME}.ros.node:main_lifecycle",
             f"gpis-grasp = {NAME}.cli.main:main",
         ]
     },

@@ -1,5 +1,7 @@
 """The node: ``ros2 run gpis_grasp_planner grasp_planner_node``, or this module as a script.
 
+:func:`main_lifecycle` (``grasp_planner_lifecycle_node``) is the same as a managed node.
+
 ``docs/node.md`` describes topics, services, the action and codes; ``docs/parameters.md`` the
 parameters. Everything large is imported inside :func:`main`: a signal that comes during the
 imports ends the node as orderly as a later one.
@@ -17,7 +19,12 @@ from pathlib import Path
 EXIT_CONFIGURATION = 2
 
 
-def main(args: list[str] | None = None) -> int:
+def main_lifecycle(args: list[str] | None = None) -> int:
+    """Run the lifecycle node as :func:`main` runs the plain one."""
+    return main(args, lifecycle=True)
+
+
+def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
     """Run the node until SIGINT or SIGTERM; 0 then, 2 where it cannot start as configured."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -29,16 +36,17 @@ def main(args: list[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     from gpis_grasp_planner.errors import GraspPlannerError
+    from gpis_grasp_planner.ros.lifecycle_node import GraspPlannerLifecycleNode
     from gpis_grasp_planner.ros.planner_node import NODE_NAME, GraspPlannerNode, spin
     from gpis_grasp_planner.ros.text import printable
 
     if stop.is_set():
         return 0
-    node: GraspPlannerNode | None = None
+    node: GraspPlannerNode | GraspPlannerLifecycleNode
     try:
         # rclpy's own handlers would close the context before waiting requests are answered.
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = GraspPlannerNode()
+        node = GraspPlannerLifecycleNode() if lifecycle else GraspPlannerNode()
     except (GraspPlannerError, RCLError, RCLInvalidROSArgsError, UnknownROSArgsError) as error:
         log = rclpy.logging.get_logger(NODE_NAME)
         log.fatal(f"Not started: {printable(error, 1000)}")

@@ -66,14 +66,15 @@ def finalist_cases(
     with where that is less. The others are a sample of what may be met in the cell, the same for
     every grasp, so that grasps differ by what they are and not by their luck:
 
-    - its corner: slippery fingers and the part's own mass;
-    - the first case in the other physics engine, where the settings leave the engine open and there
-      is another, for a verdict should not be one engine's habit;
     - draws: friction uniform between `low_friction` and `high_friction` (both less where the
       first case has less than the settings' friction), mass log-uniform from `mass_kg` to
       the part's own, the part displaced by `pose_noise_m` and `pose_noise_deg`, or by the
       covariance (6, 6) of the pose in the object's axes where that is known. They are
-      :func:`spread_points`, so that any first few of them are spread well.
+      :func:`spread_points`, so that any first few of them are spread well;
+    - after the second draw the first case in the other physics engine, where the settings leave the
+      engine open and there is another, for a verdict should not be one engine's habit;
+    - last, its corner: slippery fingers and the part's own mass. Earlier it would make grasps
+      that were tried a little look worse than those that were not.
 
     Returns
     -------
@@ -85,11 +86,7 @@ def finalist_cases(
     low, high = less * settings.low_friction, less * settings.high_friction
     mass = cad_mass(part, settings)
     corner = replace(nominal, friction=low, mass_kg=mass)
-    others = [TrialCase(_name(corner), corner)]
-    others += [
-        TrialCase(_name(other), other)
-        for other in (replace(nominal, engine=name) for name in second_engines(settings.engine))
-    ]
+    others = []
     points = spread_points(settings.draws, 8, np.random.default_rng(seed))
     moves = noise_displacements(ndtri(points[:, 2:]), part, settings, covariance)
     for k, ((u_friction, u_mass), move) in enumerate(zip(points[:, :2], moves, strict=True)):
@@ -99,6 +96,11 @@ def finalist_cases(
             mass_kg=settings.mass_kg * (mass / settings.mass_kg) ** u_mass,
         )
         others.append(TrialCase(f"{_name(drawn)}, displaced {k + 1}", drawn, move))
+    others[2:2] = [
+        TrialCase(_name(other), other)
+        for other in (replace(nominal, engine=name) for name in second_engines(settings.engine))
+    ]
+    others.append(TrialCase(_name(corner), corner))
     return [TrialCase(_name(nominal), nominal), *others]
 
 

@@ -27,7 +27,9 @@ Array = NDArray[np.float64]
 _FIRST = (3.19, 2.20, 4.80, -1.05)
 _FURTHER = (0.63, 1.42, 0.16, 0.66)
 _DEVIATION = 1.0
-# How many trials the prior counts as.
+# Trials of one grasp are much alike: for the model of its like a dozen count as one.
+_SHARE = 1.0 / 12.0
+# How many of its own trials a grasp's prior counts as.
 _STRENGTH = 4.0
 _LEAST_EPSILON = 1e-3
 _LEAST_VOLUME = 1e-6
@@ -89,7 +91,7 @@ class HoldModel:
         further = [outcomes[1:] for _, outcomes in self._seen.values()]
         n = np.array([len(each) for each in further], dtype=float)
         passed = np.array([sum(o.passed for o in each) for each in further], dtype=float)
-        self._further = self._priors[1].updated(x, passed, n)
+        self._further = self._priors[1].updated(x, passed * _SHARE, n * _SHARE)
 
     def posterior(self, grasp: Grasp, outcomes: Sequence[TrialOutcome]) -> BetaPosterior:
         """Over the probability that a further case is passed, given the cases made so far."""

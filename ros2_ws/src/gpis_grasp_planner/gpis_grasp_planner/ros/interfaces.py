@@ -1,0 +1,121 @@
+"""All that others on the network see of the node: topics, services, the action, diagnostics."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from rclpy.action import ActionServer
+from rclpy.node import Node
+
+from gpis_grasp_planner.ros.answering import GraspAnswering
+from gpis_grasp_planner.ros.catalogue_service import CatalogueServices
+from gpis_grasp_planner.ros.diagnostics import Diagnostics
+from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
+from gpis_grasp_planner.ros.parameters import NodeParameters
+from gpis_grasp_planner.ros.plan_action import PlanGraspAction
+from gpis_grasp_planner.ros.plan_service import SERVICE, PlanGraspService
+from gpis_grasp_planner.ros.planning import Planning
+from gpis_grasp_planner.ros.pose_source import PoseSource
+from gpis_grasp_planner.ros.publishers import GraspPublishers
+from gpis_grasp_planner.ros.request_reader import RequestReader
+from gpis_grasp_planner.ros.scene_source import SceneSource
+from gpis_grasp_planner.ros.tf_listener import TfListener
+from gpis_grasp_planner.ros.tracking import Tracking
+from gpis_grasp_planner.ros.work_queue import Lane
+
+# Threads beside those that may wait or work: refusals, answers from memory, BUSY.
+SPARE_THREADS = 4
+FAREWELL_S = 3.0
+_KINDS = ("timer", "service", "client", "subscription", "publisher")
+
+
+class Interfaces:
+    """Makes a node's entities, and takes them away again.
+
+    Parameters
+    ----------
+    node : Node
+    parameters : NodeParameters
+    planning : Planning
+    """
+
+    def __init__(self, node: Node, parameters: NodeParameters, planning: Planning) -> None:
+        self._node = node
+        before = _entities(node)
+        plans, hand = planning.plans, planning.hand
+        poses = PoseSource(
+            node, lambda: parameters.node, EstimatorFrames(planning.catalogue.sidecar)
+        )
+        frames = TfListener(node, lambda: parameters.node)
+        poses.listen_to(frames)
+        scenes = SceneSource(
+            lambda: parameters.node,
+            plans.check_mesh_id,
+            parameters.uses_covariance,
+            frames.transform,
+        )
+        self.answering = GraspAnswering(
+            node.get_logger(),
+            hand,
+            lambda: parameters.node,
+            poses,
+            plans,
+            GraspPublishers(node, hand),
+            scenes,
+            frames.transform,
+        )
+        self._threads = ThreadPoolExecutor(n_threads(parameters), "request")
+        PlanGraspService(node, self.answering, self._threads)
+        PlanGraspAction(node, self.answering, lambda: parameters.node)
+        CatalogueServices(node, plans, poses, self.answering, self._threads)
+        tracking = Tracking(lambda: parameters.node, self.answering, self._threads)
+        poses.on_estimate = tracking.on_estimate
+        Diagnostics(
+            node,
+            parameters.node.diagnostics_period_s,
+            planning.supervisor,
+            planning.queue,
+            plans,
+            poses,
+            self.answering,
+        )
+        self._made = {kind: _entities(node)[kind] - before[kind] for kind in before}
+        node.get_logger().info(
+            f"Ready: service {node.resolve_service_name(SERVICE)}, "
+            f"{len(planning.catalogue.ids())} meshes, hand {hand.name}, planning process "
+            f"{planning.supervisor.pid}."
+        )
+
+    def wait_until_answered(self) -> None:
+        """Until no request is in work, 3 s at most."""
+        deadline = time.monotonic() + FAREWELL_S
+        while self.answering.n_in_work > 0 and time.monotonic() < deadline:
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        """Take no more work. The entities go with the node, or by :meth:`destroy`."""
+        self._threads.shutdown(wait=False)
+
+    def destroy(self) -> None:
+        """Take everything off the network; the node stays."""
+        self.close()
+        for waitable in self._made["waitable"]:  # others go with their publishers and so on
+            if isinstance(waitable, ActionServer):
+                waitable.destroy()
+            elif isinstance(waitable, RequestReader):
+                self._node.remove_waitable(waitable)
+        for kind in _KINDS:
+            for entity in self._made[kind]:
+                getattr(self._node, f"destroy_{kind}")(entity)
+
+
+def n_threads(parameters: NodeParameters) -> int:
+    """Threads so that some are free however many requests wait: queue_size is read-only."""
+    return parameters.node.queue_size + 2 * len(Lane) + SPARE_THREADS
+
+
+def _entities(node: Node) -> dict[str, set[Any]]:
+    made = {kind: set(getattr(node, f"{kind}s")) for kind in _KINDS}
+    return made | {"waitable": set(node.waitables)}

@@ -1,0 +1,102 @@
+"""The node as a managed one: whoever manages the cell says when it plans.
+
+``configure`` reads the configuration and starts the planning process, ``activate`` brings topics,
+services and the action up, ``deactivate`` takes them away and keeps the plans in memory,
+``cleanup`` ends the planning process. Parameters can be set before ``configure``.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from gpis_grasp_planner.errors import GraspPlannerError
+from gpis_grasp_planner.ros.interfaces import Interfaces
+from gpis_grasp_planner.ros.parameters import NodeParameters
+from gpis_grasp_planner.ros.planner_node import NODE_NAME
+from gpis_grasp_planner.ros.planning import Planning
+from gpis_grasp_planner.ros.text import printable
+
+ERRAND_LIMIT_S = 10.0
+
+
+class GraspPlannerLifecycleNode(LifecycleNode):
+    """The grasp planner as a lifecycle node; `planner_node.spin` runs it."""
+
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME)
+        self.grasp_parameters = NodeParameters(self)
+        self._planning: Planning | None = None
+        self._interfaces: Interfaces | None = None
+        self._errands: list[tuple[Callable[[], None], threading.Event]] = []
+        self.get_logger().info("Unconfigured: waits for the transition 'configure'.")
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start the planning process; FAILURE where the configuration does not allow it."""
+        try:
+            self._planning = Planning(self, self.grasp_parameters)
+        except GraspPlannerError as error:
+            self.get_logger().error(f"Not configured: {printable(error, 1000)}")
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Bring topics, services and the action up."""
+        self._between_spins(self._make_interfaces)
+        return super().on_activate(state)
+
+    def _make_interfaces(self) -> None:
+        assert self._planning is not None
+        self._interfaces = Interfaces(self, self.grasp_parameters, self._planning)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take them away. Requests in work are answered SHUTTING_DOWN; plans stay in memory."""
+        if self._interfaces is not None:
+            if self._interfaces.answering.n_in_work and self._planning is not None:
+                self._planning = self._planning.renewed()
+            self._interfaces.wait_until_answered()
+            self._between_spins(self._interfaces.destroy)
+            self._interfaces = None
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the planning process and forget the plans."""
+        self.close()
+        self._planning = None
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End all of it, from whatever state."""
+        self.close()
+        if self._interfaces is not None:
+            self._between_spins(self._interfaces.destroy)
+        self._planning = self._interfaces = None
+        return super().on_shutdown(state)
+
+    def between_spins(self) -> None:
+        """Do what transitions ask for; called by the executor's thread while it waits for nothing.
+
+        Entities that appear and go while rclpy's executor waits for them cost answers.
+        """
+        while self._errands:
+            errand, done = self._errands.pop(0)
+            try:
+                errand()
+            finally:
+                done.set()
+
+    def _between_spins(self, errand: Callable[[], None]) -> None:
+        done = threading.Event()
+        self._errands.append((errand, done))
+        if not done.wait(ERRAND_LIMIT_S):
+            raise TimeoutError("The executor does not spin.")
+
+    def close(self) -> None:
+        """End the planning process and wait until all requests are answered."""
+        if self._planning is not None:
+            self._planning.close()
+        if self._interfaces is not None:
+            self._interfaces.close()
+            self._interfaces.wait_until_answered()
