@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.plan.request import PlanResult
 
 PALM = "P"
-LEGEND = "Contacts: P palm, F1 first finger; its links k knuckle, i inner, d distal."
+LEGEND = (
+    "Contacts: P palm, F1 first finger; its links k knuckle, i inner, d distal; of a finger with "
+    "one link the name alone."
+)
 # Causes that are too long for a column.
 _SHORT = {"lost while closing": "lost", "too few touch": "few touch"}
 
@@ -83,16 +86,16 @@ def contact_code(hand: HandDescription, links: NDArray[np.integer]) -> str:
         elif not any(link in _links(finger) for finger in hand.fingers):
             words.append(name)
     for finger in hand.fingers:
-        letters = [
-            letter for letter, link in zip("kid", _links(finger), strict=True) if link in touching
-        ]
-        if letters:
-            words.append(finger.name + "".join(letters))
+        found = [link in touching for link in _links(finger)]
+        if any(found):
+            letters = "kid" if len(finger.links) > 1 else ("k", "")
+            touched = [letter for letter, here in zip(letters, found, strict=True) if here]
+            words.append(finger.name + "".join(touched))
     return " ".join(words)
 
 
-def _links(finger: Finger) -> tuple[int, int, int]:
-    return finger.knuckle_link, finger.inner_link, finger.distal_link
+def _links(finger: Finger) -> tuple[int, ...]:
+    return finger.knuckle_link, *finger.links
 
 
 def _vector(values: NDArray[np.float64], width: int, digits: int) -> str:
