@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-cell soak faults test lint format benchmark lock clean
+.PHONY: help setup demo demo-cell soak faults fuzz test lint format benchmark lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -31,9 +31,11 @@ demo-cell: setup  ## A cell: detections of a moving camera, tf, and an executive
 soak: setup  ## Many clients at once against a node: lost answers, times, memory (10 min)
 	@$(RUN) python tests/benchmarks/node_soak.py $(SOAK_ARGS)
 
-faults: setup  ## The tests that kill, stop and starve the node's processes
-	@$(RUN) python -m pytest tests/ros/worker tests/ros/test_node_life.py \
-		tests/ros/test_node_bad_input.py $(PYTEST_ARGS)
+faults: setup  ## 37 kinds of fault on a live node, 20 seeded times each: answers, the next good one (1 h)
+	@$(RUN) python tests/benchmarks/node_faults.py $(FAULTS_ARGS)
+
+fuzz: setup  ## 100,000 requests made bad in random places, on a live node (1 h)
+	@$(RUN) python tests/benchmarks/node_fuzz.py $(FUZZ_ARGS)
 
 test: setup lint  ## Lint, types, all tests (real processes over real DDS included)
 	@$(RUN) python -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)

@@ -43,6 +43,7 @@ OWNERS = {
     "pybullet": ("scene/bullet_world.py",),
     "pybullet_data": ("scene/bullet_world.py",),
     "mujoco": ("verification/mujoco/",),
+    "threadpoolctl": ("thread_limits.py",),
     # Of other distributions: the benchmark, the tests.
     "gpis_grasp_benchmark": (),
     "trimesh": (),

@@ -74,6 +74,17 @@ sys.exit(node.main())
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.parametrize("variable", ["ROS_LOG_DIR", "ROS_HOME", "HOME"])
+def test_a_folder_for_logs_that_cannot_be_made_is_no_matter(
+    start_node: Start, variable: str
+) -> None:
+    others = dict.fromkeys({"ROS_LOG_DIR", "ROS_HOME"} - {variable}, "")
+    node = start_node({}, {**others, variable: "/proc/none"})
+    node.wait_ready()
+    assert node.end() == 0
+    assert "Traceback" not in node.text()
+
+
 def test_the_worker_does_not_outlive_a_killed_node(start_node: Start) -> None:
     node = start_node()
     node.wait_ready()

@@ -210,16 +210,27 @@ def test_a_loss_while_idle_is_no_matter(process: Worked, number: signal.Signals)
     assert process.pid != dead
 
 
-def test_a_stopped_process_is_given_up_at_the_deadline(process: Worked) -> None:
-    call = process.start(order(time_budget_s=8.0), grace_s=3.0)
+def test_the_order_of_a_stopped_process_is_given_to_the_next_one(process: Worked) -> None:
+    """Long before its deadline."""
+    call = process.start(order(time_budget_s=10.0), grace_s=600.0, retries=1)
     call.wait_for(Phase.SEARCHING)
     stopped = process.pid
     os.kill(stopped, signal.SIGSTOP)
-    assert call.code() == ErrorCode.DEADLINE_EXCEEDED
-    assert "8 s" in str(call.result)
-    assert "3 s" in str(call.result)
+    assert call.code() == ErrorCode.SUCCESS
+    assert process.pid != stopped
     with pytest.raises(ProcessLookupError):
         os.kill(stopped, 0)
+
+
+def test_a_process_without_an_answer_is_given_up_at_the_deadline(process: Worked) -> None:
+    """It says every second that it is there. The grace is negative: it cannot be done by then."""
+    process.carry_out(order())
+    late = process.pid
+    call = process.start(order(time_budget_s=60.0), grace_s=-57.0)
+    assert call.code() == ErrorCode.DEADLINE_EXCEEDED
+    assert "60 s" in str(call.result)
+    assert "-57 s" in str(call.result)
+    assert process.pid != late
     assert process.carry_out(order()).code == ErrorCode.SUCCESS
 
 

@@ -28,6 +28,7 @@ from gpis_grasp_planner.search.searches import check_planner
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.surroundings.support_check import check_support
+from gpis_grasp_planner.thread_limits import limited_threads
 
 
 class GraspPlanner:
@@ -68,6 +69,7 @@ class GraspPlanner:
                 late=lambda: monitor.left_s < 0.0,
             )
 
+    @limited_threads()
     def answer(
         self,
         part: Part,
@@ -136,6 +138,7 @@ class GraspPlanner:
         with run:
             return _with_notes(run.answer(seeds), notes)
 
+    @limited_threads()
     def known_answer(
         self,
         part: Part,

@@ -10,7 +10,9 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 import threading
+from pathlib import Path
 
 EXIT_CONFIGURATION = 2
 
@@ -21,6 +23,7 @@ def main(args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     insist_on_security()
+    args = [*(sys.argv if args is None else args), *without_log_files()]
     import rclpy
     from rclpy._rclpy_pybind11 import RCLError, RCLInvalidROSArgsError, UnknownROSArgsError
     from rclpy.signals import SignalHandlerOptions
@@ -56,6 +59,22 @@ def insist_on_security() -> None:
     """
     if os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true":
         os.environ["ROS_SECURITY_STRATEGY"] = "Enforce"
+
+
+def without_log_files() -> list[str]:
+    """Arguments that switch ROS' log files off where their folder cannot be written.
+
+    rcl does not start at all there: no home, or a read-only container. The console has the log.
+    """
+    environment = os.environ.get
+    home = Path(environment("ROS_HOME") or Path(environment("HOME", "/")) / ".ros")
+    folder = Path(environment("ROS_LOG_DIR") or home / "log").expanduser()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return []
+    except OSError:
+        return ["--ros-args", "--disable-external-lib-logs"]
 
 
 if __name__ == "__main__":

@@ -6,9 +6,10 @@ distal link goes on by itself until it presses with the full tip force. Where th
 the object first, the finger presses as one, with the same force at the tip. A joint that is
 pushed back resists with the holding force.
 
-A finger of one link has the first of these joints only. The jaws of a coupled hand have a drive
-each: they press with equal forces and hold like a spindle, and the hand is placed so that both
-arrive at once; what one motor does to a part that lies aside, it pushes it, is not in a trial.
+A finger of one link has the first of these joints only. The jaws of a coupled hand close each by
+itself, and the hand is placed so that both arrive at once; what one motor does to a part that lies
+aside, it pushes it, is not in a trial. When both press, the mechanism between them bears what
+pushes both the same way: one jaw is held with the joint's effort, and the other presses against it.
 """
 
 from __future__ import annotations
@@ -62,6 +63,8 @@ class FingerDrive:
         )
         # A finger of one link has nothing to free, and closes with what it presses with.
         freed_at = hand.drive.breakaway_torque if self.two_links else self.tip_torque[0]
+        if hand.drive.coupled:  # not the motor holds, but the mechanism between the jaws
+            self.hold_torque = (float(hand.joint_effort[self.inner]),) * 2
         self.breakaway_torque = min(freed_at, self.tip_torque[0])
         self.phase = Phase.CLOSING
         self._coupled = True
@@ -117,6 +120,11 @@ class FingerDrive:
                 self.phase = Phase.PRESSING
                 self._furthest = position
             self._press()
+
+    def hold(self) -> None:
+        """Stay where it is, whatever it is pushed with up to its holding force."""
+        self.phase = Phase.ENDED
+        self._end()
 
     def _press(self) -> None:
         inner, distal = self.hold_torque if self._driven_back else self.tip_torque

@@ -126,6 +126,15 @@ class WorkerLink:
         """Time since anything came from it [s]; it says every second that it is there."""
         return time.monotonic() - self.heard_s
 
+    @property
+    def stopped(self) -> bool:
+        """Whether a signal has stopped the process; False where the system does not tell."""
+        try:
+            stat = Path(f"/proc/{self.pid}/stat").read_text()
+        except OSError:
+            return False
+        return stat.rpartition(") ")[2][:1] in ("T", "t")
+
     def wait_ready(self, limit_s: float) -> None:
         """Wait until it takes orders. Raises TimeoutError, or EOFError if it is gone."""
         if not self._heard.wait(limit_s):

@@ -120,7 +120,7 @@ def _outcome(
     try:
         check_directories(directories)
         return MeshCatalogue(directories, settings).load(mesh_id)
-    except GraspPlannerError as error:
+    except (GraspPlannerError, MemoryError) as error:
         return error
     except Exception as error:
         traceback.print_exc()  # it does not travel with the error

@@ -20,7 +20,6 @@ from gpis_grasp_planner.ros.worker.messages import (
     PlaceOrder,
     Plan,
     PlanOrder,
-    WorkerAccepted,
     WorkerError,
     WorkerProgress,
 )
@@ -29,6 +28,8 @@ from gpis_grasp_planner.ros.worker.supervisor import START_LIMIT_S, WorkerSuperv
 ACCEPT_LIMIT_S = 5.0
 # It says every second that it is there; after this time it is stopped, or starved.
 SILENCE_LIMIT_S = 5.0
+# One that the system says is stopped has no excuse.
+STOPPED_LIMIT_S = 2.0
 # After a cancel: what is finished within this time is answered, else nothing.
 CANCEL_WAIT_S = 0.2
 _LOOK_S = 0.5
@@ -155,40 +156,39 @@ class PlanningProcess:
         accept_by, cancelled_by = sent + ACCEPT_LIMIT_S, math.inf
         while True:
             try:
-                message = replies.get(min(deadline, accept_by, cancelled_by) - time.monotonic())
+                now = time.monotonic()
+                message = replies.get(min(deadline, accept_by, cancelled_by, now + _LOOK_S) - now)
             except InterruptedError:
                 replies.cancel()
                 cancelled_by = min(cancelled_by, time.monotonic() + CANCEL_WAIT_S)
                 continue
             except TimeoutError:
                 prepares = phase is None or phase in PREPARATION
+                patience_s = limits.preparation_s if prepares else limits.grace_s
                 if time.monotonic() >= cancelled_by:
-                    patience_s = limits.preparation_s if prepares else limits.grace_s
                     self._leave(lane, link, replies, time.monotonic() + patience_s)
                     call.check_wanted()
-                if time.monotonic() >= accept_by:
+                if _hangs(link) or time.monotonic() >= accept_by:
                     raise _Lost(self._supervisor.lost(link)) from None
+                if time.monotonic() < deadline:
+                    continue
                 prepares &= link.silent_s <= SILENCE_LIMIT_S
                 replies.cancel()
                 if prepares or lane is Lane.KNOWN:
-                    patience_s = limits.preparation_s if prepares else limits.grace_s
                     self._leave(lane, link, replies, sent + patience_s)
-                    fault = _not_prepared if prepares else _late
-                    raise fault(order, limits) from None
-                self._supervisor.give_up(link)
-                raise _late(order, limits) from None
+                else:
+                    self._supervisor.give_up(link)
+                raise (_not_prepared if prepares else _late)(order, limits) from None
             except (EOFError, OSError) as error:
                 raise _Lost(self._supervisor.lost(link)) from error
-            match message:
-                case Plan() | MeshFacts():
-                    return message
-                case WorkerError():
-                    raise GraspPlannerError(message.message, message.code)
-                case WorkerProgress():
-                    phase = message.progress.phase
-                    call.progress = message.progress
-                case WorkerAccepted():
-                    accept_by = math.inf
+            if isinstance(message, Plan | MeshFacts):
+                return message
+            if isinstance(message, WorkerError):
+                raise GraspPlannerError(message.message, message.code)
+            accept_by = math.inf
+            if isinstance(message, WorkerProgress):
+                phase = message.progress.phase
+                call.progress = message.progress
 
     def _leave(self, lane: Lane, link: WorkerLink, replies: Replies, give_up_at: float) -> None:
         """Let the process end an order that nobody waits for; it keeps what it has prepared."""
@@ -251,6 +251,11 @@ class PlanningProcess:
                     raise fault from None
             else:
                 return link
+
+
+def _hangs(link: WorkerLink) -> bool:
+    """Whether a process is stopped, by what the system says; a slow one is not."""
+    return link.silent_s > STOPPED_LIMIT_S and link.stopped
 
 
 def _late(order: AnyOrder, limits: WorkLimits) -> PlanningError:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -176,19 +177,20 @@ def add_hand(
             slides = hand.joint_slides[hand.link_joint[link]]
             kinds.append(client.JOINT_PRISMATIC if slides else client.JOINT_REVOLUTE)
     n = len(moving)
-    fingers = client.createMultiBody(
-        baseMass=0.0,
-        linkMasses=[float(hand.link_mass[link]) for link in moving],
-        linkCollisionShapeIndices=[link_shape(client, hulls[link]) for link in moving],
-        linkVisualShapeIndices=[-1] * n,
-        linkPositions=positions,
-        linkOrientations=orientations,
-        linkInertialFramePositions=[[0.0] * 3] * n,
-        linkInertialFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * n,
-        linkParentIndices=parents,
-        linkJointTypes=kinds,
-        linkJointAxis=[hand.joint_axis[link].tolist() for link in moving],
-    )
+    with ExitStack() as files:
+        fingers = client.createMultiBody(
+            baseMass=0.0,
+            linkMasses=[float(hand.link_mass[link]) for link in moving],
+            linkCollisionShapeIndices=[link_shape(client, hulls[link], files) for link in moving],
+            linkVisualShapeIndices=[-1] * n,
+            linkPositions=positions,
+            linkOrientations=orientations,
+            linkInertialFramePositions=[[0.0] * 3] * n,
+            linkInertialFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * n,
+            linkParentIndices=parents,
+            linkJointTypes=kinds,
+            linkJointAxis=[hand.joint_axis[link].tolist() for link in moving],
+        )
     for body, _ in list(link_of):
         for index in range(n):
             client.setCollisionFilterPair(body, fingers, -1, index, 0)
@@ -198,18 +200,20 @@ def add_hand(
     return HandBodies(int(fingers), joint_of, link_of)
 
 
-def link_shape(client: BulletClient, hulls: Sequence[Array]) -> int:
+def link_shape(client: BulletClient, hulls: Sequence[Array], files: ExitStack) -> int:
     """The collision shape of a link: the hull of its vertices (n, 3), or a compound of several."""
     if len(hulls) == 1:
         return hull_shape(client, hulls[0])
-    return _compound(client, hulls, "link")
+    return files.enter_context(_compound(client, hulls, "link"))
 
 
-def _compound(client: BulletClient, pieces: Sequence[Array], name: str) -> int:
+@contextlib.contextmanager
+def _compound(client: BulletClient, pieces: Sequence[Array], name: str) -> Iterator[int]:
+    """A shape of several hulls; PyBullet reads its file again when it makes the body."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.obj"
         path.write_text(_obj_text(pieces))
-        return int(client.createCollisionShape(client.GEOM_MESH, fileName=str(path)))
+        yield int(client.createCollisionShape(client.GEOM_MESH, fileName=str(path)))
 
 
 def add_object(
@@ -220,12 +224,13 @@ def add_object(
     position = T_palm_object[:3, :3] @ part.center_of_mass + T_palm_object[:3, 3]
     quat_xyzw = Rotation.from_matrix(T_palm_object[:3, :3] @ axes).as_quat()
     moved = [(p - part.center_of_mass) @ axes for p in pieces]
-    body = client.createMultiBody(
-        baseMass=mass,
-        baseCollisionShapeIndex=_compound(client, moved, part.mesh.content_hash[:16]),
-        basePosition=position,
-        baseOrientation=quat_xyzw,
-    )
+    with _compound(client, moved, part.mesh.content_hash[:16]) as shape:
+        body = client.createMultiBody(
+            baseMass=mass,
+            baseCollisionShapeIndex=shape,
+            basePosition=position,
+            baseOrientation=quat_xyzw,
+        )
     set_mass(client, int(body), mass, moments)
     client.changeDynamics(
         body,
