@@ -16,10 +16,7 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.plan.request import PlanResult
 
 PALM = "P"
-LEGEND = (
-    "Contacts: P palm, F1 first finger; its links k knuckle, i inner, d distal; of a finger with "
-    "one link the name alone."
-)
+LEGEND = "Contacts: P palm, F1 first finger; its links k knuckle, i inner, d distal."
 # Causes that are too long for a column.
 _SHORT = {"lost while closing": "lost", "too few touch": "few touch"}
 
@@ -75,7 +72,7 @@ def trial_cells(grasp: Grasp) -> tuple[str, str]:
 def contact_code(hand: HandDescription, links: NDArray[np.integer]) -> str:
     """Which links touch, such as ``P F1d F2id``: palm, then each finger with its links.
 
-    Links that belong to no finger are written by their names.
+    Links of no finger are written by their names, a finger of one link by its own alone.
     """
     touching = {int(link) for link in links}
     words = []
