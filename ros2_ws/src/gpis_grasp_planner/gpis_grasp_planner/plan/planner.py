@@ -130,7 +130,7 @@ class GraspPlanner:
         if known is not None:
             earlier = self.known_answer(part, known, request, place, monitor)
             if earlier.satisfies(request):
-                return _with_notes(earlier.answer, notes)
+                return _with_notes(replace(earlier.answer, from_known=True), notes)
             seeds = earlier.finished
         placing, hold = self._placing(part, prepared, request, place)
         with monitor.phase(Phase.PREPARING):
