@@ -83,6 +83,11 @@ def test_a_hand_of_a_file_is_the_same_hand(jaw, copied):
     path = copied("parallel_jaw.yaml", "name: parallel_jaw", "name: mine")
     hand = load_hand(path)
     assert hand.name == path
+    assert (load_hand().identity, jaw.identity) == ("barrett_bh280", "parallel_jaw")
+    before = hand.identity
+    assert before.startswith(path + "#")
+    hand.urdf_path.write_text(hand.urdf_path.read_text() + "<!-- -->")
+    assert hand.identity != before
     assert hand.joint_names == jaw.joint_names
     np.testing.assert_array_equal(hand.joint_upper, jaw.joint_upper)
 

@@ -6,6 +6,7 @@ anywhere (docs/hands.md); the code knows no hand by name except the default.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -17,7 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.hand.urdf import UrdfTree, read_urdf, with_mesh_uris
+from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
 
@@ -137,6 +138,21 @@ class HandDescription(UrdfTree):
     eigengrasps: Eigengrasps
     desired_contacts: DesiredContacts
     contact_patches: bool
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that the hand was read from."""
+        return (self.yaml_path, self.urdf_path, *mesh_files(self.urdf_path))
+
+    @property
+    def identity(self) -> str:
+        """The name; of a hand from a file of one's own with a hash, since the file may change."""
+        if _models() in self.yaml_path.parents:
+            return self.name
+        digest = hashlib.sha256()
+        for path in self.files:
+            digest.update(path.read_bytes())
+        return f"{self.name}#{digest.hexdigest()[:16]}"
 
     @property
     def two_links(self) -> NDArray[np.bool_]:

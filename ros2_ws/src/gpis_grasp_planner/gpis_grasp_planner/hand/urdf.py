@@ -132,6 +132,12 @@ def read_urdf(path: Path) -> UrdfTree:
     )
 
 
+def mesh_files(path: Path) -> tuple[Path, ...]:
+    """The meshes that a URDF names, each once."""
+    names = {str(mesh.get("filename")) for mesh in ET.parse(path).getroot().iter("mesh")}
+    return tuple(path.parent / name for name in sorted(names))
+
+
 def with_mesh_uris(path: Path, mesh_uri_prefix: str) -> str:
     """The URDF's text with `mesh_uri_prefix` put before every mesh name."""
     robot = ET.parse(path).getroot()

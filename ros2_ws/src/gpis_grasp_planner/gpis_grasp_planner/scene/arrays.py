@@ -7,7 +7,6 @@ import hashlib
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
-from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,11 +115,7 @@ def kept_surface_points(hand: HandDescription) -> SurfacePoints:
 def hand_key(hand: HandDescription, *sources: str) -> str:
     """Hash of the hand's files and of the code that makes something of them."""
     digest = hashlib.sha256(code_version("geometry", "hand", *sources).encode())
-    meshes = {
-        hand.urdf_path.parent / str(mesh.get("filename"))
-        for mesh in ET.parse(hand.urdf_path).iter("mesh")
-    }
-    for path in (hand.yaml_path, hand.urdf_path, *sorted(meshes)):
+    for path in hand.files:
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
