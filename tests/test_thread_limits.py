@@ -61,3 +61,64 @@ def test_only_what_is_not_set_is_set() -> None:
     environment = {"OMP_NUM_THREADS": "4"}
     limit_threads(environment)
     assert environment == dict.fromkeys(THREAD_VARIABLES, "4")
+
+
+LIMITED = """
+import numpy as np, scipy.linalg
+from threadpoolctl import threadpool_info
+from gpis_grasp_planner.thread_limits import limited_threads
+
+def most():
+    return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+before = most()
+with limited_threads():
+    within = most()
+    with limited_threads():
+        nested = most()
+print(before, within, nested, most())
+"""
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor has one thread anyway")
+def test_numpy_that_was_there_first_is_limited_while_a_plan_is_made() -> None:
+    environment = {k: v for k, v in os.environ.items() if k not in THREAD_VARIABLES}
+    environment["PYTHONPATH"] = str(PACKAGE_ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED], env=environment, capture_output=True, text=True, check=True
+    )
+    before, within, nested, after = (int(word) for word in done.stdout.split())
+    assert before == after > 1
+    assert within == nested == 1
+
+
+PLANNED = """
+import numpy as np, scipy.linalg
+from threadpoolctl import threadpool_info
+from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.request import PlanRequest
+
+seen = []
+
+def look(progress):
+    pools = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+    seen.append(max(pools))
+
+part = MeshCatalogue([default_catalogue_directory()]).load("sphere")
+request = PlanRequest(max_evaluations=50, verification="none")
+GraspPlanner().plan(part, request, on_progress=look)
+print(len(seen), max(seen))
+"""
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor has one thread anyway")
+def test_a_plan_is_made_with_one_thread() -> None:
+    environment = {k: v for k, v in os.environ.items() if k not in THREAD_VARIABLES}
+    environment["PYTHONPATH"] = str(PACKAGE_ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", PLANNED], env=environment, capture_output=True, text=True, check=True
+    )
+    looks, most = (int(word) for word in done.stdout.split()[-2:])
+    assert looks > 0
+    assert most == 1

@@ -152,7 +152,7 @@ def test_the_command_in_a_terminal_of_80_columns() -> None:
     assert cells("\n".join(lines[:4]), "#") == ["0", "1"]
     assert all(re.fullmatch(r"0\.\d{4}", cell) for cell in cells("\n".join(lines[:4]), "epsilon"))
     assert lines[4] == ""
-    assert lines[5].startswith("Best first, by held in physics, then epsilon + ")
+    assert lines[5].startswith("Best first, by held in physics, then P(hold), then epsilon + ")
     assert lines[6] == LEGEND
 
 

@@ -145,3 +145,39 @@ def test_any_values_are_taken_or_refused_with_the_code(content):
     assert sidecar.unit is None or sidecar.unit in UNITS
     for value in (sidecar.mass, sidecar.density):
         assert value is None or 0 < value <= 30_000
+
+
+def test_symmetries_of_all_kinds() -> None:
+    text = b"""
+    symmetries:
+      - {axis: [0, 0, 2], order: any, point: [0.01, 0, 0]}
+      - {rotation_xyzw: [1, 0, 0, 0], point: [0.01, 0, 0.05]}
+    """
+    symmetry = parse_sidecar(text, "part.yaml").symmetry
+    assert symmetry is not None
+    assert len(symmetry.matrices) == 2
+    flip = symmetry.matrices[1]
+    np.testing.assert_allclose(flip[:3, :3], np.diag([1.0, -1.0, -1.0]), atol=1e-9)
+    np.testing.assert_allclose(flip[:3, 3], [0.0, 0.0, 0.1], atol=1e-9)
+    assert symmetry.axis is not None
+    np.testing.assert_allclose(symmetry.axis.point, [0.01, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("symmetries: []", "a list of 1 to 8"),
+        ("symmetries: any", "a list of 1 to 8"),
+        ("symmetries: [{axis: [0, 0, 1]}]", "axis and order, or rotation_xyzw"),
+        ("symmetries: [{axis: [0, 0, 0], order: 2}]", "give a direction"),
+        ("symmetries: [{axis: [0, 0, 1], order: 1}]", "from 2 to 360, or any"),
+        ("symmetries: [{axis: [0, 0, 1], order: 2.0}]", "from 2 to 360, or any"),
+        ("symmetries: [{rotation_xyzw: [0, 0, 0, 1]}]", "turns by nothing"),
+        ("symmetries: [{rotation_xyzw: [0, 0, 1]}]", "of length 1"),
+        ("symmetries: [{axis: [0, 0, 1], order: any}, {axis: [1, 0, 0], order: any}]", "no body"),
+    ],
+)
+def test_symmetries_that_cannot_be_are_refused(text: str, said: str) -> None:
+    with pytest.raises(MeshError, match=said) as caught:
+        parse_sidecar(text.encode(), "part.yaml")
+    assert caught.value.code == ErrorCode.MESH_SIDECAR_INVALID

@@ -12,6 +12,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.verification.hold_model import HoldModel
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
@@ -24,14 +25,16 @@ def grasp(x_mm: float, epsilon: float) -> Grasp:
 
 def physics(verdicts, n_lost=0):
     """Trials that know verdicts by the palm's x [mm]: passed or not, per case."""
+    model = HoldModel()
 
-    def of(grasp):
+    def with_trials(grasp):
         outcomes = verdicts.get(round(1e3 * grasp.T_object_palm[0, 3]))
-        if outcomes is None:
-            return None
-        return Trials(tuple(TrialOutcome("case", ok, "" if ok else "slipped") for ok in outcomes))
+        if outcomes is not None:
+            made = (TrialOutcome("case", ok, "" if ok else "slipped") for ok in outcomes)
+            grasp = replace(grasp, trials=Trials(tuple(made)))
+        return replace(grasp, hold_estimate=model.estimate(grasp))
 
-    return SimpleNamespace(of=of, n_lost=n_lost)
+    return SimpleNamespace(with_trials=with_trials, n_lost=n_lost)
 
 
 GRASPS = [grasp(0, 0.3), grasp(100, 0.2), grasp(200, 0.1), grasp(300, 0.05)]

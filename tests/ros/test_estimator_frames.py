@@ -95,3 +95,23 @@ def test_what_is_no_frame_is_refused(value: str, words: str) -> None:
     with pytest.raises(MeshError, match=words) as caught:
         parse_sidecar(f"estimator_frame: {value}".encode(), "part.yaml")
     assert caught.value.code is ErrorCode.MESH_SIDECAR_INVALID
+
+
+def test_of_equal_poses_one_is_taken_and_the_covariance_moves_with_it(
+    rng: np.random.Generator,
+) -> None:
+    text = "symmetries: [{axis: [0, 0, 1], order: 4, point: [0.01, 0, 0]}]"
+    frames = EstimatorFrames(lambda _: parse_sidecar(text.encode(), "part.yaml"))
+    T = transform(Rotation.random(random_state=5).as_matrix(), rng.normal(size=3))
+    about = transform(np.eye(3), [0.01, 0.0, 0.0])
+    found = []
+    for quarter in range(4):
+        R = Rotation.from_euler("z", 90 * quarter, degrees=True).as_matrix()
+        turned = T @ about @ transform(R, np.zeros(3)) @ np.linalg.inv(about)
+        pose = frames.pose_of_mesh("part", estimate(turned, 1e-4 * np.eye(6)))
+        found.append(pose.T_world_object)
+        # A sure turn about another point is an unsure shift there.
+        offset = pose.T_world_object[:3, 3] - turned[:3, 3]
+        shift = 1e-4 * (np.eye(3) + offset @ offset * np.eye(3) - np.outer(offset, offset))
+        np.testing.assert_allclose(pose.covariance[:3, :3], shift, atol=1e-12)
+    np.testing.assert_allclose(found, np.broadcast_to(found[0], (4, 4, 4)), atol=1e-12)

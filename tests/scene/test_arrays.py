@@ -11,8 +11,9 @@ import trimesh
 from gpis_grasp_planner import compiled_cache
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.hand.surface_points import surface_points
 from gpis_grasp_planner.scene import arrays as module
-from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
+from gpis_grasp_planner.scene.arrays import hand_arrays, kept_surface_points, object_arrays
 
 
 @pytest.fixture(scope="module")
@@ -136,3 +137,10 @@ def test_a_change_of_the_hands_files_or_the_code_is_another_file(
     assert module.hand_key(copy, "scene/arrays.py") != before
     monkeypatch.setattr(module, "code_version", lambda *_: "later")
     assert module.hand_key(hand, "scene/arrays.py") != before
+
+
+def test_kept_surface_points_are_those_of_the_hand():
+    hand = load_hand()
+    kept, made = kept_surface_points(hand), surface_points(hand)
+    for name in ("points", "normals_outward", "links", "offsets"):
+        np.testing.assert_array_equal(getattr(kept, name), getattr(made, name))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -12,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.grasp.order import DISTINCT, are_near, distinct, pose_difference
-from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.search.archive import GraspArchive
 
 RADIUS = 0.08
@@ -218,28 +215,3 @@ def test_what_a_grasp_has_to_beat(oracle):
     asked[0, 0, 3] -= 0.19 * RADIUS
     asked[3, 1, 3] += 0.21 * RADIUS
     assert archive.to_beat(asked, lifted, n=2)[[0, 3]].tolist() == [0.3, 0.3]
-
-
-def trials(passed: str) -> Trials:
-    return Trials(tuple(TrialOutcome(str(i), mark == "+") for i, mark in enumerate(passed)))
-
-
-def test_the_slippery_case_weighs_more_than_displaced_parts() -> None:
-    order = ["++++", "++-", "++", "+", "+-+++", "+-", "", "-"]
-    merits = [trials(marks).merit if marks else (0, 0, 0, 0) for marks in order]
-    assert merits == sorted(merits, reverse=True)
-    assert trials("++-").merit == trials("++").merit
-
-
-def test_a_hand_that_pushes_the_part_comes_after_one_that_does_not() -> None:
-    def closed(slip_m: float, rotation_deg: float, marks: str = "++") -> Trials:
-        first, *others = trials(marks).outcomes
-        pushed = replace(
-            first, closing_slip_m=slip_m, closing_rotation_rad=np.radians(rotation_deg)
-        )
-        return Trials((pushed, *others))
-
-    gentle, far, turned = closed(0.004, 4.0), closed(0.006, 0.0), closed(0.0, 6.0)
-    assert gentle.merit > far.merit == turned.merit
-    assert far.merit > closed(0.0, 0.0, "+-").merit  # the slippery case weighs more
-    assert gentle.merit > closed(0.006, 0.0, "+++++++").merit

@@ -26,7 +26,7 @@ from gpis_grasp_planner.verification.protocol import PreparedPart, verify
 from gpis_grasp_planner.verification.running_trials import RunningTrials
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
-SETTINGS = VerificationSettings(noise_repeats=1)
+SETTINGS = VerificationSettings(draws=1)
 FAULTS = 15
 
 
@@ -77,9 +77,9 @@ def test_verdicts_are_those_of_the_protocol(
 ) -> None:
     trials = make()
     trials.offer([firm, beside])
-    assert trials.of(firm) is None
+    assert trials.with_trials(firm).trials is None
     trials.finish(2, time.monotonic() + 120.0, never)
-    good, bad = trials.of(firm), trials.of(beside)
+    good, bad = (trials.with_trials(grasp).trials for grasp in (firm, beside))
     assert good is not None
     assert bad is not None
     cases = finalist_cases(bar, Friction(0.6, 0.6), SETTINGS, seed=0)
@@ -121,7 +121,7 @@ def test_without_a_deadline_each_is_tried_once(
     trials.offer([firm, shifted(firm, 1)])
     trials.finish(1, None, never)
     for grasp in (firm, shifted(firm, 1)):
-        known = trials.of(grasp)
+        known = trials.with_trials(grasp).trials
         assert known is not None
         assert len(known.outcomes) == 1
 
@@ -133,7 +133,7 @@ def test_nothing_is_tried_after_the_deadline_or_a_stop(
     trials.offer([firm])
     trials.finish(2, time.monotonic() - 1.0, never)
     trials.finish(2, None, lambda: True)
-    assert trials.of(firm) is None
+    assert trials.with_trials(firm).trials is None
     trials.offer([])
     trials.finish(2, None, never)
     assert trials.n_tried == 0
@@ -146,7 +146,7 @@ def test_what_was_tried_before_is_not_tried_again(
     known = replace(firm, trials=Trials((TrialOutcome("before", True),)))
     trials.offer([known])
     trials.finish(1, None, never)
-    assert trials.of(known) is known.trials
+    assert trials.with_trials(known).trials is known.trials
     assert trials.n_tried == 0
 
 
@@ -169,7 +169,9 @@ def test_a_child_that_dies_or_hangs_costs_its_own_trial(
         trials.finish(1, time.monotonic() + 120.0, lambda: trials.n_tried >= len(grasps))
     assert struck >= FAULTS // 2
     assert 0 < trials.n_lost <= struck
-    assert [trials.of(grasp) is not None for grasp in grasps] == [True] * len(grasps)
+    assert [trials.with_trials(grasp).trials is not None for grasp in grasps] == [True] * len(
+        grasps
+    )
     assert len(trials.held) == len(grasps)
 
 
@@ -183,7 +185,7 @@ def test_a_grasp_that_ends_every_child_is_given_up(
     trials = make()
     trials.offer([firm])
     trials.finish(1, time.monotonic() + 60.0, never)
-    assert trials.of(firm) is None
+    assert trials.with_trials(firm).trials is None
     assert trials.n_lost == 3
 
 
@@ -226,26 +228,28 @@ def order_of_jobs(
     grasps = [shifted(replace(firm, T_object_palm=origin), i) for i in range(n_grasps)]
     trials.offer(grasps)
     trials.finish(1, time.monotonic() + 60.0, never)
-    return jobs, [len(known.outcomes) for g in grasps if (known := trials.of(g)) is not None]
+    return jobs, [
+        len(known.outcomes) for g in grasps if (known := trials.with_trials(g).trials) is not None
+    ]
 
 
-def test_the_deciding_case_of_the_best_comes_first_and_low_ranks_do_not_starve(
+def test_the_race_and_first_cases_take_turns(
     make: Callable[..., RunningTrials], monkeypatch: pytest.MonkeyPatch, firm: Grasp
 ) -> None:
-    order, made = order_of_jobs(make, monkeypatch, firm, 7, 2, failing={(1, 0)})
-    assert [grasp for grasp, case in order if case == 0] == list(range(7))
-    # grasp 0's second case waits for the first of grasps 1 to 3
-    assert order.index((0, 1)) == 4
-    # what does not hold is not tried further
-    assert made == [2, 1, 2, 2, 2, 2, 2]
+    order, made = order_of_jobs(make, monkeypatch, firm, 4, 5, failing={(1, 0)})
+    # 0 holds, so that it is ahead; in between 1 fails at once, and 2 and 3 are looked at.
+    assert order[:6] == [(0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (3, 0)]
+    # What does not hold is not tried further.
+    assert made == [5, 1, 5, 5]
 
 
-def test_a_grasp_that_failed_a_further_case_waits(
+def test_a_grasp_that_failed_further_cases_waits(
     make: Callable[..., RunningTrials], monkeypatch: pytest.MonkeyPatch, firm: Grasp
 ) -> None:
-    order, made = order_of_jobs(make, monkeypatch, firm, 4, 4, failing={(0, 1)})
-    assert order.index((0, 2)) > order.index((3, 2))
-    assert made == [4, 4, 4, 4]
+    order, made = order_of_jobs(make, monkeypatch, firm, 3, 6, failing={(0, 1), (0, 2)})
+    assert order.index((0, 4)) > order.index((1, 5))
+    assert order.index((0, 4)) > order.index((2, 5))
+    assert made == [6, 6, 6]
 
 
 def test_the_parent_has_the_pieces_that_its_children_made(

@@ -33,8 +33,6 @@ setup(
     install_requires=[
         "argcomplete",  # shell completion of gpis-grasp
         "cascadio",  # STEP files
-        "coacd",  # convex decomposition
-        "coal",  # exact distance and collision
         "fast-simplification",  # large meshes
         "matplotlib",
         "numba",  # inner loop of the search
@@ -45,6 +43,7 @@ setup(
         "PyYAML",
         "rich",
         "scipy",
+        "threadpoolctl",  # one thread for BLAS in programs that loaded numpy before
     ],
     extras_require={"mujoco": ["mujoco"]},  # verification.engine
     entry_points={

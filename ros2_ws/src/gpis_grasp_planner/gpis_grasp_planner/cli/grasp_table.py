@@ -34,7 +34,7 @@ def grasp_columns(hand: HandDescription, grasps: Sequence[Grasp], verified: bool
             Column("holds", [holds for holds, _ in trials], 1, left=True),
             Column("slip [mm]", [slip for _, slip in trials], 5),
         ]
-    if any(grasp.hold_probability is not None for grasp in grasps):
+    if any(_hold_probability(grasp) is not None for grasp in grasps):
         columns.append(Column("P(hold)", [_probability(grasp) for grasp in grasps], 1))
     columns.append(Column("approach", [_vector(g.approach_direction, 5, 2) for g in grasps], 3))
     positions = [_vector(1e3 * grasp.T_object_palm[:3, 3], 6, 1) for grasp in grasps]
@@ -51,7 +51,7 @@ def order_text(result: PlanResult) -> str:
     rules = []
     if result.request.verification != "none":
         rules.append("held in physics")
-    if any(grasp.hold_probability is not None for grasp in result.grasps):
+    if any(_hold_probability(grasp) is not None for grasp in result.grasps):
         rules.append("P(hold)")
     weight = result.settings["hpp"]["volume_weight"]
     rules.append(f"epsilon + {weight:g} volume")
@@ -100,5 +100,12 @@ def _vector(values: NDArray[np.float64], width: int, digits: int) -> str:
     return " ".join(f"{round(float(x), digits) + 0.0:{width}.{digits}f}" for x in values)
 
 
+def _hold_probability(grasp: Grasp) -> float | None:
+    """By trials where there is an estimate, else by the contacts under the pose's covariance."""
+    estimate = grasp.hold_estimate
+    return grasp.hold_probability if estimate is None else estimate.probability
+
+
 def _probability(grasp: Grasp) -> str:
-    return "" if grasp.hold_probability is None else f"{grasp.hold_probability:.2f}"
+    probability = _hold_probability(grasp)
+    return "" if probability is None else f"{probability:.2f}"

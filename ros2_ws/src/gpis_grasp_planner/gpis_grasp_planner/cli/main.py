@@ -21,6 +21,7 @@ from gpis_grasp_planner.cli import (
     plan,
     render,
     settings,
+    store,
     verify,
 )
 from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED, MEANINGS
@@ -34,6 +35,7 @@ COMMANDS = {
     "meshes": meshes,
     "hand": hand,
     "settings": settings,
+    "store": store,
     "cache": cache,
     "completion": completion,
 }

@@ -84,6 +84,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
+    parser.add_argument(
+        "--store",
+        action="store_true",
+        help="answer from the grasp store where it knows enough, and keep what is planned there",
+    )
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
@@ -175,7 +180,17 @@ def _plan(
     ready_to_plan(request.planner, status.note)
     status.enter("preparing")
     monitor = Monitor(request.time_budget_s, status.show, stopped)
-    result = GraspPlanner(settings).answer(part, request, place, monitor=monitor).result
+    from gpis_grasp_planner.store.answering import answer_with_store
+    from gpis_grasp_planner.store.grasp_store import GraspStore
+
+    store = GraspStore.of(settings.store) if arguments.store else None
+    if arguments.store and store is None:
+        status.note("gpis-grasp: the grasp store is switched off; --store does nothing")
+    planner = GraspPlanner(settings)
+    stored = answer_with_store(planner, store, part, request, place, monitor=monitor)
+    if store is not None and not stored.kept:
+        status.note("gpis-grasp: this answer is not kept in the grasp store")
+    result = stored.answer.result
     return part, source, result, bool(place)
 
 

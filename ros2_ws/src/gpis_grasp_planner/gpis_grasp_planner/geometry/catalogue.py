@@ -36,6 +36,7 @@ from gpis_grasp_planner.geometry.mesh_file import (
 )
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.sidecar import MAX_SIDECAR_BYTES, Sidecar, parse_sidecar
+from gpis_grasp_planner.geometry.symmetry import SymmetryGroup
 from gpis_grasp_planner.geometry.units import unit_advice
 
 __all__ = [
@@ -258,6 +259,8 @@ def _part(
                 "It is in metres, in the mesh file's frame.",
                 ErrorCode.MESH_SIDECAR_INVALID,
             )
+    if sidecar.symmetry is not None:
+        _check_symmetry(mesh_id, mesh, sidecar.symmetry)
     mass = sidecar.mass
     if mass is None:
         density = sidecar.density
@@ -279,6 +282,18 @@ def _part(
         notes=(*report.notes, *notes),
         simplified=simplified,
     )
+
+
+def _check_symmetry(mesh_id: str, mesh: TriangleMesh, symmetry: SymmetryGroup) -> None:
+    off, limit = symmetry.deviation(mesh)
+    if off > limit:
+        raise MeshError(
+            f"The symmetries that the YAML file of '{mesh_id}' declares are not those of the mesh: "
+            f"turned by them it stands out of itself by {1e3 * off:.2g} mm, the limit is "
+            f"{1e3 * limit:.2g} mm. Check axis, order and point (in metres, in the mesh file's "
+            "frame).",
+            ErrorCode.MESH_SIDECAR_INVALID,
+        )
 
 
 def _simplified(mesh: TriangleMesh, notes: list[str]) -> TriangleMesh | None:

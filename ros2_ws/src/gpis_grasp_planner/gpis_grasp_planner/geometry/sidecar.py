@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.materials import MATERIALS
 from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
+from gpis_grasp_planner.geometry.symmetry import MOST_TURNS, SymmetryGroup, Turn
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
 
@@ -28,13 +29,15 @@ Array = NDArray[np.float64]
 MAX_SIDECAR_BYTES = 64_000
 KEYS = (
     "unit", "mass", "density", "center_of_mass", "friction", "material", "description", "scale",
-    "body", "estimator_frame",
+    "body", "estimator_frame", "symmetries",
 )  # fmt: skip
 MAX_MASS_KG = 1000.0
 MAX_DENSITY_KG_M3 = 30_000.0
 SCALE_RANGE = (1e-9, 1e9)
 MAX_COORDINATE_M = 10.0
 QUATERNION_TOLERANCE = 1e-3
+MOST_SYMMETRIES = 8
+MIN_AXIS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,8 @@ class Sidecar:
         The name, or the number from 1, of the one body of the file that is the part.
     T_mesh_estimator : (4, 4) array or None
         Pose of the frame whose pose an estimator tells, in the mesh file's frame [m].
+    symmetry : SymmetryGroup or None
+        Turns that bring the part onto itself.
     """
 
     unit: str | None = None
@@ -65,6 +70,7 @@ class Sidecar:
     scale: float | None = None
     body: str | int | None = None
     T_mesh_estimator: Array | None = None
+    symmetry: SymmetryGroup | None = None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -151,6 +157,7 @@ def _sidecar(content: Mapping[str, Any], name: str) -> Sidecar:
         _estimator_frame(content["estimator_frame"], name)
         if "estimator_frame" in content
         else None,
+        _symmetry(content["symmetries"], name) if "symmetries" in content else None,
     )
 
 
@@ -197,14 +204,69 @@ def _estimator_frame(value: Any, name: str) -> Array:
         )
     position = _point(value.get("position", [0, 0, 0]), name, "estimator_frame's position")
     quat = value.get("orientation_xyzw", [0, 0, 0, 1])
-    good = isinstance(quat, list) and len(quat) == 4 and all(_is_number(v) for v in quat)
-    if not good or abs(math.sqrt(sum(v * v for v in quat)) - 1.0) > QUATERNION_TOLERANCE:
+    return from_position_quat_xyzw(
+        position, _quaternion(quat, name, "estimator_frame's orientation_xyzw")
+    )
+
+
+def _quaternion(value: Any, name: str, what: str) -> Array:
+    good = isinstance(value, list) and len(value) == 4 and all(_is_number(v) for v in value)
+    if not good or abs(math.sqrt(sum(v * v for v in value)) - 1.0) > QUATERNION_TOLERANCE:
         raise _invalid(
             name,
-            f"has estimator_frame's orientation_xyzw {reprlib.repr(quat)}; give four numbers "
-            f"[x, y, z, w] of length 1 within {QUATERNION_TOLERANCE:g}",
+            f"has {what} {reprlib.repr(value)}; give four numbers [x, y, z, w] of length 1 within "
+            f"{QUATERNION_TOLERANCE:g}",
         )
-    return from_position_quat_xyzw(position, np.array(quat, dtype=float))
+    return np.array(value, dtype=float)
+
+
+def _symmetry(value: Any, name: str) -> SymmetryGroup:
+    """The group of a list of axes with an order, or of rotations."""
+    entries = value if isinstance(value, list) else []
+    if not 0 < len(entries) <= MOST_SYMMETRIES:
+        raise _invalid(
+            name,
+            f"has symmetries {reprlib.repr(value)}; give a list of 1 to {MOST_SYMMETRIES} entries "
+            "such as {axis: [0, 0, 1], order: 6} or {rotation_xyzw: [0, 0, 1, 0]}",
+        )
+    try:
+        return SymmetryGroup([_turn(entry, name) for entry in entries])
+    except ValueError as error:
+        raise _invalid(name, f"has symmetries that no body has: {error}") from None
+
+
+def _turn(entry: Any, name: str) -> Turn:
+    keys = set(entry) if isinstance(entry, Mapping) else set()
+    if keys - {"point"} == {"rotation_xyzw"}:
+        quat = _quaternion(entry["rotation_xyzw"], name, "a symmetry's rotation_xyzw")
+        sine = float(np.linalg.norm(quat[:3]))
+        if sine < MIN_AXIS:
+            raise _invalid(name, "has a symmetry that turns by nothing; leave it out")
+        rotvec = 2.0 * math.atan2(sine, float(quat[3])) * quat[:3] / sine
+        return Turn(rotvec, _center(entry, name))
+    if keys - {"point"} != {"axis", "order"}:
+        raise _invalid(
+            name,
+            f"has the symmetry {reprlib.repr(entry)}; give axis and order, or rotation_xyzw, and "
+            "where it does not pass through the origin a point [x, y, z] in m",
+        )
+    axis, order = _point(entry["axis"], name, "a symmetry's axis"), entry["order"]
+    length = float(np.linalg.norm(axis))
+    if length < MIN_AXIS:
+        raise _invalid(name, f"has the symmetry axis {axis.tolist()}; give a direction")
+    if order == "any":
+        return Turn(axis / length, _center(entry, name), any_angle=True)
+    if isinstance(order, bool) or not isinstance(order, int) or not 2 <= order <= MOST_TURNS:
+        raise _invalid(
+            name,
+            f"has a symmetry's order {reprlib.repr(order)}; give a whole number from 2 to "
+            f"{MOST_TURNS}, or any",
+        )
+    return Turn(2.0 * math.pi / order * axis / length, _center(entry, name))
+
+
+def _center(entry: Mapping[str, Any], name: str) -> Array:
+    return _point(entry.get("point", [0, 0, 0]), name, "a symmetry's point")
 
 
 def _point(value: Any, name: str, what: str = "center_of_mass") -> Array:

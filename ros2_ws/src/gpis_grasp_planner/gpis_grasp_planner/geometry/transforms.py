@@ -32,7 +32,7 @@ def from_position_quat_xyzw(position: ArrayLike, quat_xyzw: ArrayLike) -> Array:
     quat = np.asarray(quat_xyzw, dtype=float)
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
     v, w = quat[..., :3], quat[..., 3]
-    R = 2.0 * (v[..., :, None] * v[..., None, :] + w[..., None, None] * _cross_matrix(v))
+    R = 2.0 * (v[..., :, None] * v[..., None, :] + w[..., None, None] * cross_matrix(v))
     R[..., range(3), range(3)] += (w**2 - (v**2).sum(axis=-1))[..., None]
     return transform(R, position)
 
@@ -66,12 +66,18 @@ def rotation_from_rpy(rpy: ArrayLike) -> Array:
     return R
 
 
-def _cross_matrix(v: ArrayLike) -> Array:
+def cross_matrix(v: ArrayLike) -> Array:
     """Matrices (..., 3, 3) of the cross product with vectors (..., 3): ``M @ x = v x x``."""
     v = np.asarray(v, dtype=float)
     M = np.zeros((*v.shape, 3))
     M[..., 2, 1], M[..., 0, 2], M[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
     return M - np.swapaxes(M, -1, -2)
+
+
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
+    """Rotation (3, 3) about a unit axis (3,) by an angle [rad], by Rodrigues' formula."""
+    K = cross_matrix(np.asarray(axis, dtype=float))
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)
 
 
 def inverse(T: ArrayLike) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.grasp.trials import Trials
+from gpis_grasp_planner.grasp.trials import HoldEstimate, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
 
@@ -43,6 +43,8 @@ class Grasp:
     imbalance : float or None
         What the closing hand's own forces leave unbalanced of a push, over the push
         (`quality.closing_balance`). None where nobody asked.
+    hold_estimate : HoldEstimate or None
+        By trials in physics; None where none were asked for.
     """
 
     T_object_palm: Array
@@ -57,6 +59,7 @@ class Grasp:
     hold_probability: float | None = None
     lift_direction: Array | None = None
     imbalance: float | None = None
+    hold_estimate: HoldEstimate | None = None
 
     @property
     def way_out(self) -> Array:

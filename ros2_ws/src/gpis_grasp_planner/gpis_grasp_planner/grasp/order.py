@@ -18,6 +18,11 @@ Array = NDArray[np.float64]
 
 DISTINCT = 0.2
 
+# Of probabilities to hold: steps within which grasps are equal, and what one is multiplied by
+# where the closing hand pushes the part by 5 mm or 5 degrees.
+_RESOLUTION = 0.05
+_PUSHED = 0.8
+
 
 def pose_difference(T_1: Array, T_2: Array, max_radius: float) -> Array:
     """``max(translation / maxRadius, angle / 2 pi)`` between poses (..., 4, 4)."""
@@ -58,14 +63,19 @@ def distinct(
 def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
     """Sort key of an answer's grasps, best first.
 
-    Grasps that physics held come before untried ones, and those before grasps that failed; within
-    each by `Trials.merit`, then the likelier to hold under the pose's covariance, then
-    epsilon + lambda volume, less where closing forces do not balance. Trials in physics, which
-    include displaced parts, weigh more than the quasi-static models.
+    Grasps that physics held come before untried ones, and those before grasps that failed. Within
+    each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
+    while it closes counts as less likely, and differences that a dozen trials cannot show are
+    none. Then the likelier to hold under the pose's covariance by the contact model, then
+    :func:`worth`.
     """
-    merit = (0, 0, 0, 0) if grasp.trials is None else grasp.trials.merit
+    tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
+    probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability
+    if tried > 0 and grasp.trials is not None and not grasp.trials.gentle:
+        probability *= _PUSHED
     return (
-        *(-float(figure) for figure in merit),
+        -float(tried),
+        -float(round(probability / _RESOLUTION)),
         -(grasp.hold_probability or 0.0),
         -worth(grasp, volume_weight),
     )

@@ -44,11 +44,31 @@ class TrialOutcome:
 
 
 @dataclass(frozen=True)
+class HoldEstimate:
+    """How probably a grasp holds under friction, mass and pose as they may be in the cell.
+
+    Attributes
+    ----------
+    probability : float
+        Expected, in [0, 1].
+    low, high : float
+        Central interval of 90 %.
+    n : int
+        Trials of the grasp itself behind it; with none it is what its like did.
+    """
+
+    probability: float
+    low: float
+    high: float
+    n: int
+
+
+@dataclass(frozen=True)
 class Trials:
     """The trials of one grasp in the order in which they were made.
 
-    The first is the nominal one and decides whether the grasp holds; the further ones (less
-    friction, the CAD mass, displaced parts) say with how much to spare.
+    The first is the nominal one and decides whether the grasp holds; the further ones (other
+    friction and mass, another engine, displaced parts) say how probably.
     """
 
     outcomes: tuple[TrialOutcome, ...]
@@ -68,18 +88,6 @@ class Trials:
         """Whether the closed hand pushed the part by less than 5 mm and 5 degrees."""
         first = self.outcomes[0]
         return first.closing_slip_m < _GENTLE_M and first.closing_rotation_rad < _GENTLE_RAD
-
-    @property
-    def merit(self) -> tuple[int, int, int, int]:
-        """What grasps are compared by, more being better.
-
-        First case, second case, whether the hand closes gently, cases passed. A case counts 1 if it
-        was passed, 0 if it was not tried, -1 if it was failed. The second one (slippery fingers,
-        the part's own mass) weighs more than any number of displaced parts.
-        """
-        verdicts = [1 if outcome.passed else -1 for outcome in self.outcomes[:2]]
-        first, second = [*verdicts, 0, 0][:2]
-        return first, second, int(bool(self.outcomes) and self.gentle), self.n_passed
 
     @property
     def largest_slip_m(self) -> float:

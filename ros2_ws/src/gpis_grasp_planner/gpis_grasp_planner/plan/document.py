@@ -216,6 +216,7 @@ def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) 
         "hold_probability": grasp.hold_probability,
         "lift_direction": None if grasp.lift_direction is None else _numbers(grasp.lift_direction),
         "imbalance": grasp.imbalance,
+        "hold_estimate": None if grasp.hold_estimate is None else asdict(grasp.hold_estimate),
         "trials": None
         if grasp.trials is None
         else [asdict(outcome) for outcome in grasp.trials.outcomes],

@@ -20,7 +20,7 @@ from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
+from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.quality.contacts import Contacts
@@ -43,13 +43,13 @@ _FIELDS = frozenset(
 ) | set(_TEXT_ONLY)  # fmt: skip
 # What earlier programs did not write.
 _LATER: dict[str, Any] = {"approach": None, "forbidden": [], "phase_s": {}, "funnel": []}
-_LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None}
+_LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None, "hold_estimate": None}
 _LATER_OF_TRIALS: dict[str, Any] = {"closing_slip_m": 0.0, "closing_rotation_rad": 0.0}
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
         "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
-        "hold_probability", "lift_direction", "imbalance",
+        "hold_probability", "lift_direction", "imbalance", "hold_estimate",
     )
 )  # fmt: skip
 
@@ -280,7 +280,16 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
         lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
         imbalance=grasp["imbalance"].optional(lambda node: node.number(low=0.0)),
+        hold_estimate=grasp["hold_estimate"].optional(_hold_estimate),
     )
+
+
+def _hold_estimate(node: Node) -> HoldEstimate:
+    estimate = node.object(frozenset(field.name for field in fields(HoldEstimate)))
+    probability, low, high = (
+        estimate[name].number(0.0, 1.0) for name in ("probability", "low", "high")
+    )
+    return HoldEstimate(probability, low, high, estimate["n"].integer())
 
 
 def _trials(node: Node) -> Trials:

@@ -28,6 +28,7 @@ from gpis_grasp_planner.search.searches import check_planner
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.surroundings.support_check import check_support
+from gpis_grasp_planner.thread_limits import limited_threads
 
 
 class GraspPlanner:
@@ -64,6 +65,7 @@ class GraspPlanner:
                 late=lambda: monitor.left_s < 0.0,
             )
 
+    @limited_threads()
     def answer(
         self,
         part: Part,
@@ -124,7 +126,7 @@ class GraspPlanner:
         if known is not None:
             earlier = self.known_answer(part, known, request, place, monitor)
             if earlier.satisfies(request):
-                return _with_notes(earlier.answer, notes)
+                return _with_notes(replace(earlier.answer, from_known=True), notes)
             seeds = earlier.finished
         placing, hold = self._placing(part, prepared, request, place)
         with monitor.phase(Phase.PREPARING):
@@ -132,6 +134,7 @@ class GraspPlanner:
         with run:
             return _with_notes(run.answer(seeds), notes)
 
+    @limited_threads()
     def known_answer(
         self,
         part: Part,

@@ -9,6 +9,7 @@ from typing import Any
 from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.plan.store_settings import StoreSettings
 from gpis_grasp_planner.search.settings import (
     AdaptionSettings,
     AdmmCpSettings,
@@ -41,6 +42,7 @@ class PlannerSettings:
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
     uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
     cache: CacheSettings = field(default_factory=CacheSettings)
+    store: StoreSettings = field(default_factory=StoreSettings)
 
     @property
     def search(self) -> SearchSettings:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class TriedGrasps:
         volume_weight : float
             Lambda of the ranking.
         """
-        tried = [replace(grasp, trials=trials.of(grasp)) for grasp in grasps]
+        tried = [trials.with_trials(grasp) for grasp in grasps]
         tried.sort(key=lambda grasp: answer_rank(grasp, volume_weight))
         if not tried:
             return cls((), trials.n_lost)

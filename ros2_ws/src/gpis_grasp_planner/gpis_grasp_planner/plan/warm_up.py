@@ -189,6 +189,7 @@ def compile_group(group: str) -> None:
     surface = fit_part(part.mesh, SurfaceSettings(n_samples=50))
     surface.value(surface.points[:1])
     compiled.tree.nearest(surface.points[:1])
+    ConvexCover(part.mesh, compiled.field, compiled.tree).add()
     evaluator.clear_palm(poses, vectors, spread, spread)
 
 

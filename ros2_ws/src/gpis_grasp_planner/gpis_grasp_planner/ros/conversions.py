@@ -22,7 +22,7 @@ from gpis_grasp_msgs.msg import Grasp as GraspMessage
 from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.trials import Trials
+from gpis_grasp_planner.grasp.trials import HoldEstimate, Trials
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
@@ -79,11 +79,23 @@ def joint_state_message(header: Header, names: Sequence[str], positions: Array) 
     return JointState(header=header, name=list(names), position=[float(q) for q in positions])
 
 
-def verification_message(trials: Trials | None) -> GraspVerification:
+def verification_message(
+    trials: Trials | None, estimate: HoldEstimate | None = None
+) -> GraspVerification:
     """What physics said about a grasp; not attempted where there is None."""
+    probabilities = (
+        {}
+        if estimate is None
+        else {
+            "probability": float(estimate.probability),
+            "probability_low": float(estimate.low),
+            "probability_high": float(estimate.high),
+        }
+    )
     if trials is None:
-        return GraspVerification()
+        return GraspVerification(**probabilities)
     return GraspVerification(
+        **probabilities,
         attempted=True,
         held=trials.held,
         tests_run=[outcome.name for outcome in trials.outcomes],
@@ -170,7 +182,7 @@ def _grasp_message(
         hold_probability=-1.0 if grasp.hold_probability is None else float(grasp.hold_probability),
         epsilon=float(grasp.epsilon),
         volume=float(grasp.volume),
-        verification=verification_message(grasp.trials),
+        verification=verification_message(grasp.trials, grasp.hold_estimate),
         contacts=[
             ContactMessage(
                 link=hand.link_names[link],

@@ -1,7 +1,8 @@
 """From the frame whose pose an estimator tells to the frame of the part's mesh.
 
-Estimators have model frames of their own, such as the middle of the box. What the part's YAML file
-says of it (`estimator_frame`) is applied to every estimate, and to no pose that a request carries.
+Estimators have model frames of their own, such as the middle of the box, and of a symmetric part
+they tell one equal pose or another. What the part's YAML file says of both (`estimator_frame`,
+`symmetries`) is applied to every estimate, and to no pose that a request carries.
 """
 
 from __future__ import annotations
@@ -11,16 +12,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.geometry.sidecar import Sidecar
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.surroundings.covariance import covariance_moved
-
-Array = NDArray[np.float64]
 
 # A changed YAML file is seen after so long; reading one for every estimate would cost.
 _TRUST_S = 1.0
@@ -28,7 +24,7 @@ _MAX_PARTS = 1000
 
 
 class EstimatorFrames:
-    """What parts' YAML files say of their estimators' frames.
+    """What parts' YAML files say of their estimators' frames and of their symmetries.
 
     Parameters
     ----------
@@ -43,7 +39,7 @@ class EstimatorFrames:
     ) -> None:
         self._sidecar, self._clock = sidecar, clock
         self._lock = threading.Lock()
-        self._known: dict[str, tuple[float, Array | None]] = {}
+        self._known: dict[str, tuple[float, Sidecar]] = {}
 
     def pose_of_mesh(self, mesh_id: str, estimate: ObjectPose) -> ObjectPose:
         """The pose of the mesh's frame, by an estimate of the estimator's.
@@ -51,28 +47,32 @@ class EstimatorFrames:
         A part that is unknown, or whose YAML file is bad, keeps its estimate: planning for it tells
         what is wrong.
         """
-        T_mesh_estimator = self._of(mesh_id)
-        if T_mesh_estimator is None:
+        sidecar = self._of(mesh_id)
+        if sidecar.T_mesh_estimator is None and sidecar.symmetry is None:
             return estimate
-        T_world_mesh = estimate.T_world_object @ inverse(T_mesh_estimator)
+        T_world_mesh = estimate.T_world_object
+        if sidecar.T_mesh_estimator is not None:
+            T_world_mesh = T_world_mesh @ inverse(sidecar.T_mesh_estimator)
+        if sidecar.symmetry is not None:
+            T_world_mesh = sidecar.symmetry.chosen(T_world_mesh)
         covariance = estimate.covariance
         if covariance is not None:
             offset = T_world_mesh[:3, 3] - estimate.T_world_object[:3, 3]
             covariance = covariance_moved(covariance, offset)
         return replace(estimate, T_world_object=T_world_mesh, covariance=covariance)
 
-    def _of(self, mesh_id: str) -> Array | None:
+    def _of(self, mesh_id: str) -> Sidecar:
         now = self._clock()
         with self._lock:
             known = self._known.get(mesh_id)
         if known is not None and now - known[0] < _TRUST_S:
             return known[1]
         try:
-            T = self._sidecar(mesh_id).T_mesh_estimator
+            sidecar = self._sidecar(mesh_id)
         except GraspPlannerError:
-            T = None
+            sidecar = Sidecar()
         with self._lock:
             if len(self._known) >= _MAX_PARTS:
                 self._known.clear()
-            self._known[mesh_id] = now, T
-        return T
+            self._known[mesh_id] = now, sidecar
+        return sidecar

@@ -54,7 +54,7 @@ class HoldEstimate:
 
 def random_perturbations(covariance: Array, n: int, rng: np.random.Generator) -> Array:
     """Normal perturbations (n, 6) with the covariance, in its order."""
-    return np.asarray(rng.standard_normal((n, 6)) @ _root(covariance).T)
+    return np.asarray(rng.standard_normal((n, 6)) @ covariance_root(covariance).T)
 
 
 def sigma_points(covariance: Array, kappa: float) -> tuple[Array, Array]:
@@ -63,7 +63,7 @@ def sigma_points(covariance: Array, kappa: float) -> tuple[Array, Array]:
     The middle has weight kappa / (6 + kappa), the others 1 / (2 (6 + kappa)) each, at
     sqrt(6 + kappa) standard deviations along the covariance's axes.
     """
-    reach = np.sqrt(6.0 + kappa) * _root(covariance).T
+    reach = np.sqrt(6.0 + kappa) * covariance_root(covariance).T
     points = np.concatenate([np.zeros((1, 6)), reach, -reach])
     weights = np.full(13, 0.5 / (6.0 + kappa))
     weights[0] = kappa / (6.0 + kappa)
@@ -220,7 +220,7 @@ def _put(
         getattr(attempts, name)[rows] = getattr(again, name)[of]
 
 
-def _root(covariance: Array) -> Array:
+def covariance_root(covariance: Array) -> Array:
     """A square root (6, 6), also of a singular covariance: A A^T = covariance.
 
     Metres and radians have no common axes: the columns are those of the matrix scaled to unit

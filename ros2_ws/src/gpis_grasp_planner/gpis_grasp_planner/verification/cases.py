@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.grasp.trials import TrialOutcome
-from gpis_grasp_planner.verification.engines import engine_names
-from gpis_grasp_planner.verification.pose_noise import displacements, drawn_displacements
+from gpis_grasp_planner.verification.engines import engine_names, second_engines
+from gpis_grasp_planner.verification.pose_noise import noise_displacements
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -59,30 +60,61 @@ def finalist_cases(
     seed: int,
     covariance: Array | None = None,
 ) -> Sequence[TrialCase]:
-    """The cases in the order of their weight; the first one decides whether a grasp holds.
+    """The case that decides whether a grasp holds, and those that say how probably it does.
 
-    It is the strict protocol at the settings' friction, or at the friction that was planned
-    with where that is less. Then the same with half slippery fingers and the CAD mass, and with
-    displaced parts: by the settings' distance and angle, or drawn from the covariance (6, 6) of
-    the pose in the object's axes where that is known.
+    The first is the strict protocol at the settings' friction, or at the friction that was planned
+    with where that is less. The others are a sample of what may be met in the cell, the same for
+    every grasp, so that grasps differ by what they are and not by their luck:
+
+    - its corner: slippery fingers and the part's own mass;
+    - the first case in the other physics engine, where the settings leave the engine open and there
+      is another, for a verdict should not be one engine's habit;
+    - draws: friction uniform between `low_friction` and `high_friction` (both less where the
+      first case has less than the settings' friction), mass log-uniform from `mass_kg` to
+      the part's own, the part displaced by `pose_noise_m` and `pose_noise_deg`, or by the
+      covariance (6, 6) of the pose in the object's axes where that is known. They are
+      :func:`spread_points`, so that any first few of them are spread well.
+
+    Returns
+    -------
+    sequence of TrialCase
+        `draws` + 2 or + 3 of them.
     """
     nominal = replace(settings, friction=min(settings.friction, friction.finger))
+    less = nominal.friction / settings.friction if settings.friction > 0.0 else 1.0
+    low, high = less * settings.low_friction, less * settings.high_friction
     mass = cad_mass(part, settings)
-    slippery = replace(nominal, friction=min(settings.low_friction, friction.finger), mass_kg=mass)
-    if covariance is None:
-        moved = displacements(part, settings, seed)
-        where = f"{1e3 * settings.noise_m:g} mm and {settings.noise_deg:g} deg off"
-    else:
-        moved = drawn_displacements(covariance, settings.noise_repeats, seed)
-        where = "displaced by the covariance"
-    return [
-        TrialCase(_name(nominal), nominal),
-        TrialCase(_name(slippery), slippery),
-        *(
-            TrialCase(f"{_name(nominal)}, {where}, {k + 1}", nominal, move)
-            for k, move in enumerate(moved)
-        ),
+    corner = replace(nominal, friction=low, mass_kg=mass)
+    others = [TrialCase(_name(corner), corner)]
+    others += [
+        TrialCase(_name(other), other)
+        for other in (replace(nominal, engine=name) for name in second_engines(settings.engine))
     ]
+    points = spread_points(settings.draws, 8, np.random.default_rng(seed))
+    moves = noise_displacements(ndtri(points[:, 2:]), part, settings, covariance)
+    for k, ((u_friction, u_mass), move) in enumerate(zip(points[:, :2], moves, strict=True)):
+        drawn = replace(
+            nominal,
+            friction=low + u_friction * (high - low),
+            mass_kg=settings.mass_kg * (mass / settings.mass_kg) ** u_mass,
+        )
+        others.append(TrialCase(f"{_name(drawn)}, displaced {k + 1}", drawn, move))
+    return [TrialCase(_name(nominal), nominal), *others]
+
+
+def spread_points(n: int, dimensions: int, rng: np.random.Generator) -> Array:
+    """Points (n, dimensions) in the open unit cube, of which any first few are spread evenly.
+
+    Multiples of a fixed step, taken modulo 1 (Kronecker's sequence), from a random start, which
+    makes each point uniform (Cranley and Patterson). The step's entries are powers of 1 / g,
+    where g > 1 solves ``g^(dimensions + 1) = g + 1``.
+    """
+    g = 2.0
+    for _ in range(64):  # a contraction: 64 rounds are far beyond rounding
+        g = (1.0 + g) ** (1.0 / (dimensions + 1))
+    step = g ** -np.arange(1.0, dimensions + 1.0)
+    points = (rng.random(dimensions) + np.arange(n)[:, None] * step) % 1.0
+    return np.clip(points, 1e-9, 1.0 - 1e-9)
 
 
 def _name(settings: VerificationSettings) -> str:

@@ -38,6 +38,13 @@ def engine_names(choice: str) -> tuple[str, ...]:
     return names
 
 
+def second_engines(choice: str) -> tuple[str, ...]:
+    """Engines beside the chosen one that a verdict can be compared with: only for "auto"."""
+    if choice != "auto":
+        return ()
+    return ("bullet",) if engine_names(choice) == ("mujoco",) else ()
+
+
 def load(choice: str, hand: HandDescription) -> None:
     """Import and make what every trial needs, so that forked children have it.
 

@@ -14,7 +14,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.surroundings.hold_probability import random_perturbations
+from gpis_grasp_planner.surroundings.hold_probability import covariance_root
 from gpis_grasp_planner.verification.protocol import verify
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -66,12 +66,25 @@ def displacements(part: Part, settings: VerificationSettings, seed: int) -> list
     ]
 
 
-def drawn_displacements(covariance: Array, n: int, seed: int) -> list[Array]:
-    """`n` displacements (4, 4) from a pose's covariance (6, 6) in the object's axes, seeded."""
-    drawn = random_perturbations(covariance, n, np.random.default_rng(seed))
+def noise_displacements(
+    normals: Array, part: Part, settings: VerificationSettings, covariance: Array | None = None
+) -> list[Array]:
+    """Displacements (4, 4) of a part whose pose is uncertain, from standard normals (n, 6).
+
+    With a covariance (6, 6), translation first, of the pose in the object's axes: by that. Else
+    each axis by `pose_noise_m`, and turns about each axis through the centre of mass by
+    `pose_noise_deg`.
+    """
+    if covariance is not None:
+        drawn, center = normals @ covariance_root(covariance).T, np.zeros(3)
+    else:
+        turn = np.radians(settings.pose_noise_deg)
+        drawn = normals * np.repeat([settings.pose_noise_m, turn], 3)
+        center = part.center_of_mass
+    R = Rotation.from_rotvec(drawn[:, 3:]).as_matrix()
     return [
-        transform(Rotation.from_rotvec(turn).as_matrix(), shift)
-        for shift, turn in zip(drawn[:, :3], drawn[:, 3:], strict=True)
+        transform(turn, center + shift - turn @ center)
+        for turn, shift in zip(R, drawn[:, :3], strict=True)
     ]
 
 

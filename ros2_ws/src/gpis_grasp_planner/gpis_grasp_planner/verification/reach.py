@@ -12,7 +12,8 @@ from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.hand.surface_points import SurfacePoints, surface_points
+from gpis_grasp_planner.hand.surface_points import SurfacePoints
+from gpis_grasp_planner.scene.arrays import kept_surface_points
 
 Array = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ class Reach:
         triangles = mesh.triangles
         middles = triangles.mean(axis=1)
         radii = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
-        return cls(hand, surface_points(hand), middles, radii)
+        return cls(hand, kept_surface_points(hand), middles, radii)
 
     def faces(
         self, T_object_palm: Array, start: Array, closed: Array, allowance: Allowance

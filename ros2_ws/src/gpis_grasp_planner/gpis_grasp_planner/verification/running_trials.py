@@ -1,16 +1,16 @@
 """Grasps tried in physics beside the search, in forked children, best first.
 
-The search offers its best grasps again and again; whichever child is free takes the trial that is
-worth most. Of each grasp the deciding case comes first; how it does in the further cases is found
-out while lower grasps still wait for their first, so that the time that there is goes to grasps
-that may become the answer. A child that dies or hangs costs its own trial and no more.
+The search offers its best grasps again and again; whichever child is free takes the next trial of
+their race (`verification.race`), so that the time that there is goes to grasps that may become the
+answer. Of each grasp the deciding case comes first; one that fails it is out. A child that dies or
+hangs costs its own trial and no more.
 """
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
@@ -24,14 +24,12 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.verification.cases import TrialCase
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
 from gpis_grasp_planner.verification.engines import load
+from gpis_grasp_planner.verification.hold_model import HoldModel
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
+from gpis_grasp_planner.verification.race import Arm, next_arm
 from gpis_grasp_planner.verification.result import Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
-# A grasp's next case comes as late as the first case of the grasp so many places below it; each
-# case that it failed puts it further back.
-_PLACES_PER_CASE = 4
-_PLACES_PER_FAILURE = 8
 _POLL_S = 0.02
 _MOST_LOST = 3
 
@@ -76,6 +74,8 @@ class RunningTrials:
     ----------
     n_lost : int
         Trials whose child died or had to be ended.
+    model : HoldModel
+        Has learnt from all trials so far.
     """
 
     def __init__(
@@ -89,7 +89,8 @@ class RunningTrials:
         clock: Callable[[], float] = time.monotonic,
     ):
         self._settings, self._cases, self._clock = settings, cases, clock
-        load(settings.engine, hand)  # here, so that no child needs to
+        for engine in dict.fromkeys(case.settings.engine for case in cases):
+            load(engine, hand)  # here, so that no child needs to
         self._cover = prepared.cover
         self._serve = partial(_serve, part, hand, prepared, cases, on_complete)
         self._tried: dict[bytes, _Tried] = {}
@@ -97,6 +98,8 @@ class RunningTrials:
         self._idle: list[ForkedChild] = []
         self._working: dict[Any, tuple[ForkedChild, _Job]] = {}
         self.n_lost = 0
+        self.model = HoldModel()
+        self._turn = 0
 
     @property
     def n_tried(self) -> int:
@@ -107,7 +110,7 @@ class RunningTrials:
     def held(self) -> list[Grasp]:
         """Those of them that held, with their trials so far."""
         return [
-            replace(tried.grasp, trials=Trials(tuple(tried.outcomes)))
+            self.with_trials(tried.grasp)
             for tried in self._tried.values()
             if tried.outcomes and tried.outcomes[0].passed
         ]
@@ -116,12 +119,13 @@ class RunningTrials:
         """Replace the list of grasps that wait, best first. Trials that run are not ended."""
         self._offered = [self._tried.setdefault(_key(g), _Tried(g)) for g in grasps]
 
-    def of(self, grasp: Grasp) -> Trials | None:
-        """What is known of a grasp: None where its deciding case was not made."""
-        if grasp.trials is not None:
-            return grasp.trials
-        tried = self._tried.get(_key(grasp))
-        return Trials(tuple(tried.outcomes)) if tried is not None and tried.outcomes else None
+    def with_trials(self, grasp: Grasp) -> Grasp:
+        """The grasp with what is known of it: its trials, if any were made, and its estimate."""
+        trials, tried = grasp.trials, self._tried.get(_key(grasp))
+        if trials is None and tried is not None and tried.outcomes:
+            trials = Trials(tuple(tried.outcomes))
+        grasp = replace(grasp, trials=trials)
+        return replace(grasp, hold_estimate=self.model.estimate(grasp))
 
     def poll(self, processes: int, wait_s: float = 0.0) -> None:
         """Take verdicts that are ready and give work to idle children.
@@ -177,25 +181,26 @@ class RunningTrials:
             child = self._idle.pop() if self._idle else ForkedChild(self._serve)
             job.tried.running = True
             self._working[child.connection] = child, job
-            with contextlib.suppress(OSError):  # of a child that is gone, reading tells
+            with suppress(OSError):  # of a child that is gone, reading tells
                 child.connection.send((job.tried.grasp, job.case))
 
     def _next(self) -> _Job | None:
-        """The trial worth most among those that were offered and wait."""
-        best: tuple[int, _Tried] | None = None
-        for place, tried in enumerate(self._offered):
-            case = len(tried.outcomes)
-            if tried.running or tried.lost >= _MOST_LOST or case >= len(self._cases):
-                continue
-            if tried.grasp.trials is not None or (case and not tried.outcomes[0].passed):
-                continue
-            failures = sum(not outcome.passed for outcome in tried.outcomes)
-            weight = place + _PLACES_PER_CASE * case + _PLACES_PER_FAILURE * failures
-            if best is None or weight < best[0]:
-                best = weight, tried
-        if best is None:
+        """The trial whose turn it is among those that were offered and wait."""
+        chosen = next_arm([self._arm(tried) for tried in self._offered], self._turn)
+        if chosen is None:
             return None
-        return _Job(best[1], len(best[1].outcomes), self._clock())
+        self._turn += 1
+        tried = self._offered[chosen]
+        return _Job(tried, len(tried.outcomes), self._clock())
+
+    def _arm(self, tried: _Tried) -> Arm:
+        """A grasp in the race; out of it once its deciding case failed, or its trials are lost."""
+        n_left = len(self._cases) - len(tried.outcomes)
+        failed = bool(tried.outcomes) and not tried.outcomes[0].passed
+        if failed or tried.lost >= _MOST_LOST or tried.grasp.trials is not None:
+            n_left = 0
+        posterior = self.model.posterior(tried.grasp, tried.outcomes)
+        return Arm(posterior, len(tried.outcomes), n_left, tried.running)
 
     def _take(self, ready: Any) -> None:
         child, job = self._working.pop(ready)
@@ -207,6 +212,7 @@ class RunningTrials:
             return
         self._cover.take(pieces)  # later children and plans need not make them again
         job.tried.outcomes.append(self._cases[job.case].outcome(verdict))
+        self.model.learn(job.tried.grasp, job.tried.outcomes)
         self._idle.append(child)
 
     def _end_late_ones(self) -> None:
@@ -246,10 +252,16 @@ def _serve(
     on_complete: Callable[[ConvexCover], None] | None,
     connection: Connection,
 ) -> None:
-    with Verifier(part, hand, cases[0].settings, prepared) as verifier:
+    with ExitStack() as owned:
+        verifiers: dict[str, Verifier] = {}  # by engine; the second one only if it is asked for
 
         def answer(job: tuple[Grasp, int]) -> Verification:
             grasp, case = job[0], cases[job[1]]
+            engine = case.settings.engine
+            if engine not in verifiers:
+                made = Verifier(part, hand, case.settings, prepared)
+                verifiers[engine] = owned.enter_context(made)
+            verifier = verifiers[engine]
             verifier.use(case.settings)
             if case.displacement is None:
                 return verifier.verify(grasp)

@@ -31,7 +31,28 @@ class VerificationSettings(SettingsGroup):
         0.1, low=1e-3, high=6.0, description="Mass of the object.", common=True
     )
     low_friction: float = setting(
-        0.3, low=0.0, high=5.0, description="Friction of the trial with slippery fingers."
+        0.3, low=0.0, high=5.0, description="Friction of slippery fingers: the least that is drawn."
+    )
+    high_friction: float = setting(
+        0.8, low=0.0, high=5.0, description="The most friction that is drawn."
+    )
+    pose_noise_m: float = setting(
+        0.002,
+        low=0.0,
+        high=0.1,
+        description="Standard deviation of the part's place along each axis in the drawn trials, "
+        "where the request tells no covariance.",
+    )
+    pose_noise_deg: float = setting(
+        2.0, low=0.0, high=90.0, description="The same of its turn about each axis."
+    )
+    draws: int = setting(
+        12,
+        low=0,
+        high=1000,
+        description="Draws of friction, mass and pose by which the probability to hold is "
+        "estimated, for the grasps whose order it decides.",
+        common=True,
     )
     payload_kg: float = setting(
         6.0,

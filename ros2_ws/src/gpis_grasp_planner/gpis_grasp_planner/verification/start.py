@@ -11,7 +11,8 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.hand.surface_points import SurfacePoints, surface_points
+from gpis_grasp_planner.hand.surface_points import SurfacePoints
+from gpis_grasp_planner.scene.arrays import kept_surface_points
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ class StartFinder:
     @staticmethod
     def of(hand: HandDescription, field: DistanceField) -> StartFinder:
         """Sample the hand's surface."""
-        return StartFinder(hand, field, surface_points(hand))
+        return StartFinder(hand, field, kept_surface_points(hand))
 
     def clearance(self, T_object_palm: Array, joints: Array, links: list[int]) -> Array:
         """Smallest distance [m] of some links from the part for joints (B, J): (B,)."""

@@ -1,0 +1,51 @@
+"""Which grasp of an answer comes first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.order import answer_rank
+from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
+from gpis_grasp_planner.quality.contacts import Contacts
+
+STILL = np.zeros(8)
+GRASP = Grasp(np.eye(4), STILL, STILL, Contacts.none(), 0.1, 0.01, np.eye(3)[2], 0.1)
+
+
+def rank(grasp: Grasp) -> tuple[float, ...]:
+    return answer_rank(grasp, 0.5)
+
+
+def tried(probability: float, *, held: bool = True, push_m: float = 0.0, **known: float) -> Grasp:
+    outcome = TrialOutcome("case", held, "" if held else "slipped", closing_slip_m=push_m)
+    estimate = HoldEstimate(probability, 0.0, 1.0, 3)
+    return replace(GRASP, trials=Trials((outcome,)), hold_estimate=estimate, **known)
+
+
+def test_held_then_untried_then_failed_whatever_is_expected() -> None:
+    untried = replace(GRASP, hold_estimate=HoldEstimate(0.99, 0.5, 1.0, 0), epsilon=0.5)
+    assert rank(tried(0.2)) < rank(untried) < rank(tried(0.9, held=False, epsilon=0.9))
+
+
+def test_the_likelier_to_hold_comes_first_and_epsilon_breaks_ties() -> None:
+    assert rank(tried(0.8, epsilon=0.05)) < rank(tried(0.6, epsilon=0.3))
+    same = tried(0.81, epsilon=0.05), tried(0.79, epsilon=0.3)  # what trials cannot tell apart
+    assert rank(same[1]) < rank(same[0])
+    sure = tried(0.8, epsilon=0.05, hold_probability=0.9)
+    assert rank(sure) < rank(tried(0.8, epsilon=0.3, hold_probability=0.7))
+
+
+def test_a_hand_that_pushes_the_part_counts_as_less_likely() -> None:
+    assert rank(tried(0.9)) < rank(tried(0.95, push_m=0.006))
+    assert rank(tried(0.95, push_m=0.004)) < rank(tried(0.9))
+    assert rank(tried(0.95, push_m=0.006)) < rank(tried(0.6))  # but not as worthless
+
+
+def test_without_trials_it_is_epsilon_and_volume() -> None:
+    better = replace(GRASP, epsilon=0.11), replace(GRASP, volume=0.02)
+    assert all(rank(each) < rank(GRASP) for each in better)
+    unbalanced = replace(GRASP, epsilon=0.2, imbalance=3.0)
+    assert rank(GRASP) < rank(unbalanced)
