@@ -126,6 +126,7 @@ class GraspPlannerNode(Node):
             preparation_s=settings.mesh_preparation_limit_s,
             retries=settings.retries_of_lost_orders,
             memory_bytes=1e6 * settings.worker_memory_limit_mb,
+            nice=settings.worker_nice,
         )
 
 
