@@ -12,6 +12,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
 # Every run prepares its meshes anew, and leaves nothing in the user's cache.
 os.environ["GPIS_GRASP_CACHE"] = "off"
+os.environ["GPIS_GRASP_STORE"] = "off"
 
 import hypothesis
 import numpy as np

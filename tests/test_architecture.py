@@ -28,6 +28,7 @@ LEVELS = (
     {"scene", "surroundings", "search"},
     {"verification"},
     {"plan"},
+    {"store"},
     {"view"},
     {"ros", "cli"},
 )
@@ -43,6 +44,7 @@ OWNERS = {
     "pybullet": ("scene/bullet_world.py",),
     "pybullet_data": ("scene/bullet_world.py",),
     "mujoco": ("verification/mujoco/",),
+    "sqlite3": ("store/database.py",),
     "threadpoolctl": ("thread_limits.py",),
     # Of other distributions: the benchmark, the tests.
     "gpis_grasp_benchmark": (),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,29 @@ def test_an_earlier_directory_counts(
     before = fingerprint([first, folder], "mug", LIMIT)
     (first / "mug.ply").write_bytes(b"ply")
     assert fingerprint([first, folder], "mug", LIMIT) != before
+
+
+def test_a_change_that_keeps_size_and_time_of_writing_is_seen(folder: Path) -> None:
+    """Also of a file that has lain there for long, whose content is known."""
+    path = folder / "mug.stl"
+    with pytest.MonkeyPatch.context() as patched:
+        later_ns = time.time_ns() + 10**10
+        patched.setattr(time, "time_ns", lambda: later_ns)
+        before = fingerprint([folder], "mug", LIMIT)
+        status = path.stat()
+        path.write_bytes(b"MESH")
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+        assert fingerprint([folder], "mug", LIMIT) != before
+
+
+def test_a_file_that_was_just_written_is_read_again(folder: Path) -> None:
+    """Two writes within a tick of the file system's clock have the same times."""
+    path = folder / "mug.stl"
+    fingerprints = set()
+    for k in range(200):
+        path.write_bytes(b"%04d" % k)
+        fingerprints.add(fingerprint([folder], "mug", LIMIT))
+    assert len(fingerprints) == 200
 
 
 def test_an_unknown_id_has_none(folder: Path) -> None:

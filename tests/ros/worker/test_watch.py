@@ -234,6 +234,17 @@ def test_a_process_without_an_answer_is_given_up_at_the_deadline(process: Worked
     assert process.carry_out(order()).code == ErrorCode.SUCCESS
 
 
+def test_a_process_stands_back_as_far_as_it_is_told(process: Worked) -> None:
+    process.carry_out(order())
+    for nice in (0, 7):
+        process.limits = replace(process.limits, nice=nice)
+        os.kill(process.pid, signal.SIGKILL)
+        process.carry_out(order(), retries=1, nice=nice)
+        assert os.getpriority(os.PRIO_PROCESS, process.pid) == min(
+            os.getpriority(os.PRIO_PROCESS, 0) + nice, 19
+        )
+
+
 def test_closing_ends_a_running_plan_and_the_process() -> None:
     process = Worked()
     call = process.start(order(time_budget_s=30.0))

@@ -34,12 +34,16 @@ class ForkedChild:
     serve : callable
         Takes the child's end of the pipe; what it inherits by the fork needs no pickling.
         An exception ends the child, which the parent sees as EOFError.
+    forks : bool
+        Whether it may have children of its own.
     """
 
-    def __init__(self, serve: Callable[[Connection], None]):
+    def __init__(self, serve: Callable[[Connection], None], *, forks: bool = False):
         context = multiprocessing.get_context("fork")
         self.connection, theirs = context.Pipe()
-        self._process = context.Process(target=_run, args=(serve, theirs, os.getpid()), daemon=True)
+        self._process = context.Process(
+            target=_run, args=(serve, theirs, os.getpid()), daemon=not forks
+        )
         self._process.start()
         theirs.close()
 

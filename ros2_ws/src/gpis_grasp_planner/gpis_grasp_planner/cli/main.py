@@ -19,8 +19,10 @@ from gpis_grasp_planner.cli import (
     hand,
     meshes,
     plan,
+    plan_all,
     render,
     settings,
+    store,
     verify,
 )
 from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED, MEANINGS
@@ -29,11 +31,13 @@ from gpis_grasp_planner.errors import GraspPlannerError
 
 COMMANDS = {
     "plan": plan,
+    "plan-all": plan_all,
     "render": render,
     "verify": verify,
     "meshes": meshes,
     "hand": hand,
     "settings": settings,
+    "store": store,
     "cache": cache,
     "completion": completion,
 }

@@ -44,6 +44,7 @@ examples:
   gpis-grasp plan mug --seed 7 --evaluations 500 --verify none
   gpis-grasp plan mug --support lowest --explain
   gpis-grasp plan mug --set verification.mass_kg=0.3
+  gpis-grasp plan flange --hand parallel_jaw
 """
 
 
@@ -82,8 +83,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"{', '.join(PLANNERS)}, or one of an installed distribution such as "
         "gpis-grasp-benchmark; default: dual",
     )
+    options.add_hand(parser)
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
+    parser.add_argument(
+        "--store",
+        action="store_true",
+        help="answer from the grasp store where it knows enough, and keep what is planned there",
+    )
     options.add_catalogue(parser)
     options.add_settings(parser)
     place_options.add_place(parser)
@@ -149,7 +156,9 @@ def _plan(
     """The part, its file, the answer, and whether a place was given."""
     from gpis_grasp_planner.plan.request import PlanRequest
 
-    settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
+    settings, catalogue_settings = options.read_settings(
+        arguments.settings, options.with_hand(arguments.assignments, arguments.hand)
+    )
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     status.enter("reading")
     part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
@@ -175,7 +184,17 @@ def _plan(
     ready_to_plan(request.planner, status.note)
     status.enter("preparing")
     monitor = Monitor(request.time_budget_s, status.show, stopped)
-    result = GraspPlanner(settings).answer(part, request, place, monitor=monitor).result
+    from gpis_grasp_planner.store.answering import answer_with_store
+    from gpis_grasp_planner.store.grasp_store import GraspStore
+
+    store = GraspStore.of(settings.store) if arguments.store else None
+    if arguments.store and store is None:
+        status.note("gpis-grasp: the grasp store is switched off; --store does nothing")
+    planner = GraspPlanner(settings)
+    stored = answer_with_store(planner, store, part, request, place, monitor=monitor)
+    if store is not None and not stored.kept:
+        status.note("gpis-grasp: this answer is not kept in the grasp store")
+    result = stored.answer.result
     return part, source, result, bool(place)
 
 

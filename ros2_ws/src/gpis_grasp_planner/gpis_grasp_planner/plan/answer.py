@@ -31,11 +31,14 @@ class Answer:
         One per grasp of the result.
     lift_direction : (3,) array or None
         Unit vector away from the support, in the object's frame; None without support.
+    from_known : bool
+        Whether an earlier plan was enough, so that nothing was searched.
     """
 
     result: PlanResult
     clearances: tuple[Clearance, ...]
     lift_direction: NDArray[float64] | None = None
+    from_known: bool = False
 
     @property
     def blocked(self) -> Mapping[str, int]:

@@ -13,9 +13,15 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.ros.answer_log import log_info
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
-from gpis_grasp_planner.ros.conversions import MeshVersion, funnel_messages, grasp_message
+from gpis_grasp_planner.ros.conversions import (
+    MeshVersion,
+    funnel_messages,
+    grasp_message,
+    grasp_messages,
+)
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
@@ -109,10 +115,11 @@ class GraspAnswering:
             self.last_code = ErrorCode(response.code)
             self.last_message = response.message
         how = "from memory" if response.from_cache else f"{response.evaluations} evaluations"
-        self._log.info(
+        log_info(
+            self._log,
             f"{name} '{printable(request.mesh_id, 64)}': {ErrorCode(response.code).name}, "
             f"{len(response.grasps)} grasps, {response.elapsed:.2f} s, {how}. "
-            f"{printable(response.message, 400)}"
+            f"{printable(response.message, 400)}",
         )
 
     def _answer(self, request: GraspRequest, response: Any, call: Call, only_known: bool) -> None:
@@ -158,10 +165,8 @@ class GraspAnswering:
         response.funnel = funnel_messages(plan.funnel)
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
-        response.grasps = [
-            grasp_message(grasp, plan, shown, self._hand, T_palm_flange)
-            for grasp in plan.grasps[: plan_request.n_grasps]
-        ]
+        wanted = plan.grasps[: plan_request.n_grasps]
+        response.grasps = grasp_messages(wanted, plan, shown, self._hand, T_palm_flange)
         if 0 < len(response.grasps) < len(plan.grasps):
             response.message += f" The first {len(response.grasps)} are answered, as asked."
         if plan.best_attempt is not None and not plan.grasps:

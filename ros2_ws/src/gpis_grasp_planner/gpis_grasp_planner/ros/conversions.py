@@ -49,21 +49,29 @@ def funnel_messages(funnel: Funnel) -> list[FunnelStep]:
 
 def pose_message(T: Array) -> Pose:
     """Pose of a transform (4, 4); the quaternion has w >= 0."""
-    position, quat = to_position_quat_xyzw(T)
-    return Pose(
-        position=point_message(position),
-        orientation=Quaternion(x=quat[0], y=quat[1], z=quat[2], w=quat[3]),
-    )
+    return pose_messages(T[None])[0]
 
 
-def point_message(point: Array) -> Point:
-    """Point from an array (3,) [m]."""
-    return Point(x=float(point[0]), y=float(point[1]), z=float(point[2]))
+def pose_messages(T: Array) -> list[Pose]:
+    """Poses of transforms (n, 4, 4)."""
+    positions, quats = to_position_quat_xyzw(T)
+    return [
+        Pose(
+            position=Point(x=p[0], y=p[1], z=p[2]),
+            orientation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3]),
+        )
+        for p, q in zip(positions.tolist(), quats.tolist(), strict=True)
+    ]
 
 
-def vector_message(vector: Array) -> Vector3:
-    """Vector from an array (3,)."""
-    return Vector3(x=float(vector[0]), y=float(vector[1]), z=float(vector[2]))
+def point_message(point: Sequence[float]) -> Point:
+    """Point [m]."""
+    return Point(x=point[0], y=point[1], z=point[2])
+
+
+def vector_message(vector: Sequence[float]) -> Vector3:
+    """Vector."""
+    return Vector3(x=vector[0], y=vector[1], z=vector[2])
 
 
 def joint_state_message(header: Header, names: Sequence[str], positions: Array) -> JointState:
@@ -112,20 +120,54 @@ def grasp_message(
     hand: HandDescription,
     T_palm_flange: Array | None = None,
 ) -> GraspMessage:
-    """One grasp where the object lies; without `T_palm_flange` the flange's pose is the palm's."""
+    """One grasp where the object lies; see :func:`grasp_messages`."""
+    return grasp_messages([grasp], plan, pose, hand, T_palm_flange)[0]
+
+
+def grasp_messages(
+    grasps: Sequence[Grasp],
+    plan: Plan | MeshVersion,
+    pose: ObjectPose,
+    hand: HandDescription,
+    T_palm_flange: Array | None = None,
+) -> list[GraspMessage]:
+    """Grasps where the object lies; without `T_palm_flange` the flange's pose is the palm's."""
+    if not grasps:
+        return []
+    R_world_object = pose.T_world_object[:3, :3]
+    T_world_palm = pose.T_world_object @ np.array([grasp.T_object_palm for grasp in grasps])
+    approach = np.array([grasp.approach_direction for grasp in grasps]) @ R_world_object.T
+    distance = np.array([grasp.approach_distance for grasp in grasps])
+    away = np.array([grasp.way_out for grasp in grasps]) @ R_world_object.T
+    palms = pose_messages(T_world_palm)
+    flanges = palms
+    if T_palm_flange is not None:
+        flanges = pose_messages(T_world_palm @ T_palm_flange)
+    starts = (T_world_palm[:, :3, 3] - distance[:, None] * approach).tolist()
     header = header_message(pose)
-    T_world_object = pose.T_world_object
-    T_world_palm = T_world_object @ grasp.T_object_palm
-    R_world_object = T_world_object[:3, :3]
-    direction = R_world_object @ grasp.approach_direction
-    palm = pose_message(T_world_palm)
-    pregrasp = Pose(
-        position=point_message(T_world_palm[:3, 3] - grasp.approach_distance * direction),
-        orientation=palm.orientation,
-    )
-    flange = palm if T_palm_flange is None else pose_message(T_world_palm @ T_palm_flange)
-    positions = apply(T_world_object, grasp.contacts.positions)
-    normals = grasp.contacts.normals_inward @ R_world_object.T
+    return [
+        _grasp_message(grasp, plan, pose, hand, header, palm, flange, *vectors)
+        for grasp, palm, flange, *vectors in zip(
+            grasps, palms, flanges, starts, approach.tolist(), away.tolist(), strict=True
+        )
+    ]
+
+
+def _grasp_message(
+    grasp: Grasp,
+    plan: Plan | MeshVersion,
+    pose: ObjectPose,
+    hand: HandDescription,
+    header: Header,
+    palm: Pose,
+    flange: Pose,
+    start: list[float],
+    approach: list[float],
+    away: list[float],
+) -> GraspMessage:
+    positions = apply(pose.T_world_object, grasp.contacts.positions)
+    normals = grasp.contacts.normals_inward @ pose.T_world_object[:3, :3].T
+    pregrasp = Pose(position=point_message(start), orientation=palm.orientation)
     return GraspMessage(
         mesh_id=plan.mesh_id,
         mesh_hash=plan.mesh_hash,
@@ -134,11 +176,9 @@ def grasp_message(
         pre_grasp=joint_state_message(header, hand.joint_names, grasp.pregrasp_joints),
         grasp=joint_state_message(header, hand.joint_names, grasp.joints),
         pre_grasp_palm_pose=PoseStamped(header=header, pose=pregrasp),
-        approach_direction=Vector3Stamped(header=header, vector=vector_message(direction)),
+        approach_direction=Vector3Stamped(header=header, vector=vector_message(approach)),
         approach_distance=float(grasp.approach_distance),
-        lift_direction=Vector3Stamped(
-            header=header, vector=vector_message(R_world_object @ grasp.way_out)
-        ),
+        lift_direction=Vector3Stamped(header=header, vector=vector_message(away)),
         hold_probability=-1.0 if grasp.hold_probability is None else float(grasp.hold_probability),
         epsilon=float(grasp.epsilon),
         volume=float(grasp.volume),
@@ -148,10 +188,14 @@ def grasp_message(
                 link=hand.link_names[link],
                 position=point_message(position),
                 normal_inward=vector_message(normal),
-                friction=float(friction),
+                friction=friction,
             )
             for link, position, normal, friction in zip(
-                grasp.contacts.links, positions, normals, grasp.contacts.friction, strict=True
+                grasp.contacts.links,
+                positions.tolist(),
+                normals.tolist(),
+                np.asarray(grasp.contacts.friction, dtype=float).tolist(),
+                strict=True,
             )
         ],
     )

@@ -12,7 +12,7 @@ from gpis_grasp_msgs.msg import Grasp
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.ros.conversions import pose_message
+from gpis_grasp_planner.ros.conversions import pose_messages
 
 HAND_COLOR = ColorRGBA(r=0.45, g=0.47, b=0.50, a=0.9)
 CONTACT_COLOR = ColorRGBA(r=0.86, g=0.05, b=0.07, a=1.0)
@@ -66,7 +66,8 @@ class GraspMarkers:
         T_world_palm = from_position_quat_xyzw([p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
         T_world_link = T_world_palm @ link_transforms(self._hand, list(grasp.grasp.position))[0]
         markers: list[Marker] = []
-        for link, T in zip(self._hand.link_names, T_world_link, strict=True):
+        poses = pose_messages(T_world_link)
+        for link, pose in zip(self._hand.link_names, poses, strict=True):
             for uri in self._meshes.get(link, ()):
                 markers.append(
                     Marker(
@@ -74,7 +75,7 @@ class GraspMarkers:
                         ns="hand",
                         id=len(markers),
                         type=Marker.MESH_RESOURCE,
-                        pose=pose_message(T),
+                        pose=pose,
                         scale=Vector3(x=1.0, y=1.0, z=1.0),
                         color=HAND_COLOR,
                         mesh_resource=uri,

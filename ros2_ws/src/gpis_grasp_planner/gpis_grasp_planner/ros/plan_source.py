@@ -30,7 +30,7 @@ _MOST_FACTS = 10_000
 
 @dataclass(frozen=True, eq=False)
 class DeliveredPlan:
-    """A plan and whether it was made for an earlier request."""
+    """A plan and whether it was made for an earlier request, in memory or the grasp store."""
 
     plan: Plan
     from_cache: bool
@@ -118,7 +118,8 @@ class PlanSource:
                     placed = self._placed(order, newer, place or Place(), call)
                 if placed.enough or placed.code == ErrorCode.CANCELLED:
                     return DeliveredPlan(placed, from_cache=True)
-            return DeliveredPlan(self._made(order, place, newer, call), from_cache=False)
+            made = self._made(order, place, newer, call)
+            return DeliveredPlan(made, from_cache=made.from_store)
 
     def place(
         self, delivered: DeliveredPlan, place: Place, request: PlanRequest, call: Call

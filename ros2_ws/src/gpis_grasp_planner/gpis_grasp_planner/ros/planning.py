@@ -38,7 +38,7 @@ class Planning:
         self.catalogue = MeshCatalogue(directories)
         for name, reason in self.catalogue.refused():
             node.get_logger().warning(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
-        self.hand = load_hand()
+        self.hand = load_hand(parameters.hand_model)
         self.supervisor = WorkerSupervisor(self._limits, node.get_logger().warning)
         self.supervisor.ensure_started()
         self.queue = WorkQueue(lambda: parameters.node.queue_size)
@@ -68,4 +68,5 @@ class Planning:
             preparation_s=settings.mesh_preparation_limit_s,
             retries=settings.retries_of_lost_orders,
             memory_bytes=1e6 * settings.worker_memory_limit_mb,
+            nice=settings.worker_nice,
         )

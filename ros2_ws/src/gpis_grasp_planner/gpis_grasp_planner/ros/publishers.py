@@ -24,6 +24,8 @@ LATCHED_QOS = QoSProfile(
     durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
 )
 
+MARKER_PERIOD_S = 0.1
+
 
 class GraspPublishers:
     """Publishes the best grasp of each successful answer; every message has the same header."""
@@ -31,6 +33,7 @@ class GraspPublishers:
     def __init__(self, node: Node, hand: HandDescription) -> None:
         urdf = urdf_text(hand, _mesh_uri_prefix(hand))
         self._markers = GraspMarkers(hand, urdf)
+        self._not_drawn: Grasp | None = None
         self._lock = threading.Lock()  # messages of two answers must not mix
         self._grasp = node.create_publisher(Grasp, "grasp", LATCHED_QOS)
         self._palm_pose = node.create_publisher(PoseStamped, "palm_pose", LATCHED_QOS)
@@ -39,11 +42,15 @@ class GraspPublishers:
         self._marker_array = node.create_publisher(MarkerArray, "grasp_markers", LATCHED_QOS)
         self._description = node.create_publisher(String, "robot_description", LATCHED_QOS)
         self._description.publish(String(data=urdf))
+        node.create_timer(MARKER_PERIOD_S, self._draw)
 
     def publish(self, grasps: Sequence[Grasp]) -> None:
-        """Publish the first of the grasps on all topics, and where the palm is in each of them."""
+        """Publish the first of the grasps on all topics, and where the palm is in each of them.
+
+        Its markers follow within `MARKER_PERIOD_S`: they take longer than the answer, and nobody
+        looks at more of them.
+        """
         best = grasps[0]
-        markers = self._markers.array(best)
         palms = PoseArray(
             header=best.palm_pose.header, poses=[grasp.palm_pose.pose for grasp in grasps]
         )
@@ -52,7 +59,13 @@ class GraspPublishers:
             self._palm_pose.publish(best.palm_pose)
             self._joints.publish(best.grasp)
             self._palm_poses.publish(palms)
-            self._marker_array.publish(markers)
+            self._not_drawn = best
+
+    def _draw(self) -> None:
+        with self._lock:
+            grasp, self._not_drawn = self._not_drawn, None
+        if grasp is not None:
+            self._marker_array.publish(self._markers.array(grasp))
 
 
 def _mesh_uri_prefix(hand: HandDescription) -> str | None:

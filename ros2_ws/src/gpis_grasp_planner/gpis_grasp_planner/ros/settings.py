@@ -172,6 +172,13 @@ class NodeSettings(SettingsGroup):
         description="A planning process that has more memory than this for itself is replaced "
         "between two plans.",
     )
+    worker_nice: int = setting(
+        5,
+        low=0,
+        high=19,
+        description="How far the planning process and its children stand back behind others, the "
+        "node among them, where cores are scarce: their nice value, from their next start on.",
+    )
     preempt_goals: bool = setting(
         False,
         description="Whether a new goal of the action ends those accepted before it.",
@@ -293,4 +300,6 @@ class NodeSettings(SettingsGroup):
 
 
 # Fixed when the node starts: they shape its subscriptions, threads and catalogue.
-READ_ONLY = frozenset({"mesh_directories", "pose_type", "queue_size", "diagnostics_period_s"})
+READ_ONLY = frozenset(
+    {"mesh_directories", "pose_type", "queue_size", "diagnostics_period_s", "hand.model"}
+)

@@ -81,9 +81,14 @@ class WorkerLink:
     pair closes, so that it cannot outlive the node even if that is killed with SIGKILL; where it
     is stopped at that moment, the system ends it. That is bound to the thread which makes this
     object: it must live as long as the node.
+
+    Parameters
+    ----------
+    nice : int
+        The process's nice value over that of this one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, nice: int = 0) -> None:
         self._connection, theirs = Pipe()
         _limit_sending(self._connection)
         environment = dict(os.environ)
@@ -93,7 +98,7 @@ class WorkerLink:
         paths = [str(PACKAGE_PARENT), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(p for p in paths if p)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", MODULE, str(theirs.fileno()), str(os.getpid())],
+            [sys.executable, "-m", MODULE, str(theirs.fileno()), str(os.getpid()), str(nice)],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             env=environment,

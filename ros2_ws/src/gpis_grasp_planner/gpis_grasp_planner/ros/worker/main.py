@@ -128,8 +128,9 @@ def end_with_parent(parent: int) -> None:
 def main() -> None:
     """Serve orders until the socket pair closes.
 
-    Arguments: the descriptor of this end, the process ID of the node.
+    Arguments: the descriptor of this end, the process ID of the node, the nice value over its own.
     """
+    os.nice(int(sys.argv[3]))
     end_with_parent(int(sys.argv[2]))
     inbox, handler = OrderInbox(Connection(int(sys.argv[1]))), OrderHandler()
     threading.Thread(target=inbox.receive, daemon=True).start()

@@ -110,6 +110,8 @@ class Plan:
     enough : bool
         Whether a plan from what was known needs no further search
         (`plan.placing.KnownAnswer.satisfies`).
+    from_store : bool
+        Whether it is an earlier plan out of the grasp store: nothing was searched.
     """
 
     code: ErrorCode
@@ -124,6 +126,7 @@ class Plan:
     record: bytes = b""
     place: Mapping[str, Any] | None = None
     enough: bool = True
+    from_store: bool = False
     funnel: Funnel = field(default_factory=Funnel)
 
 

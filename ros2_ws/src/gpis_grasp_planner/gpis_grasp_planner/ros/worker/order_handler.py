@@ -33,6 +33,8 @@ from gpis_grasp_planner.ros.worker.messages import (
     WorkerError,
 )
 from gpis_grasp_planner.ros.worker.parts import PartLoader
+from gpis_grasp_planner.store.answering import answer_with_store
+from gpis_grasp_planner.store.grasp_store import GraspStore
 from gpis_grasp_planner.surroundings.place import Place
 
 # Parts and unpacked results; a result remembers the exact quality of grasps of its reserve.
@@ -74,12 +76,17 @@ class OrderHandler:
             if known.mesh_hash != part.mesh.content_hash:
                 known = None  # of the file's former version
         planner = self._planner_for(order.settings)
-        answer = planner.answer(part, order.request, place, known=known, monitor=monitor)
+        store = GraspStore.of(planner.settings.store)
+        stored = answer_with_store(
+            planner, store, part, order.request, place, known=known, monitor=monitor
+        )
+        answer = stored.answer
         record = b""
         if answer.result.code == ErrorCode.SUCCESS:
             record = zlib.compress(pickle.dumps(answer.result), _COMPRESSION)
             self._keep(record, part, answer.result)
-        return replace(_plan_of(answer.result, monitor), record=record)
+        plan = _plan_of(answer.result, monitor)
+        return replace(plan, record=record, from_store=stored.from_store)
 
     def from_known(
         self,

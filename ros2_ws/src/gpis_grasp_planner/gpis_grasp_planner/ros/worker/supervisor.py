@@ -34,12 +34,15 @@ class WorkLimits:
         How often an order is given to the next process where its own died.
     memory_bytes : float
         A process that has grown beyond this is replaced between two orders.
+    nice : int
+        The process's nice value over the node's.
     """
 
     grace_s: float
     preparation_s: float
     retries: int = 0
     memory_bytes: float = math.inf
+    nice: int = 0
 
 
 class WorkerSupervisor:
@@ -98,7 +101,7 @@ class WorkerSupervisor:
                     f"The planning process {self._link.pid} was gone "
                     f"({self._link.how_it_ended()}); starting another."
                 )
-            self._link = self._starter.submit(WorkerLink).result()
+            self._link = self._starter.submit(WorkerLink, self.limits().nice).result()
             self._last_start_s = time.monotonic()
             self.starts += 1
 
@@ -167,7 +170,7 @@ class WorkerSupervisor:
     def _replace(self, old: WorkerLink) -> None:
         """Start another process beside one that has grown, and hand the work over to it."""
         try:
-            successor = self._starter.submit(WorkerLink).result()
+            successor = self._starter.submit(WorkerLink, self.limits().nice).result()
             try:
                 successor.wait_ready(START_LIMIT_S)
             except (TimeoutError, EOFError):
