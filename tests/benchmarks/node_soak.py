@@ -18,6 +18,7 @@ from typing import Any
 
 os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+os.environ.setdefault("GPIS_GRASP_STORE", "off")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np

@@ -38,7 +38,7 @@ def completed(line: str, tmp_path: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("gpis-grasp pl", ["plan"]),
+        ("gpis-grasp pl", ["plan", "plan-all"]),
         ("gpis-grasp plan mu", ["mug"]),
         ("gpis-grasp plan mug --verify re", ["require"]),
         ("gpis-grasp plan mug --pic", ["--picture"]),

@@ -130,7 +130,7 @@ def test_contacts_as_code(links: list[str], code: str) -> None:
 
 def test_a_link_of_no_finger_has_its_name() -> None:
     names = (*HAND.link_names[:-1], "guard")
-    fingers = tuple(replace(finger, distal_link=1) for finger in HAND.fingers)
+    fingers = tuple(replace(finger, links=(1, 1)) for finger in HAND.fingers)
     hand = replace(HAND, link_names=names, fingers=fingers)
     assert contact_code(hand, np.array([len(names) - 1])) == "guard"
 
@@ -153,7 +153,7 @@ def test_the_command_in_a_terminal_of_80_columns() -> None:
     assert all(re.fullmatch(r"0\.\d{4}", cell) for cell in cells("\n".join(lines[:4]), "epsilon"))
     assert lines[4] == ""
     assert lines[5].startswith("Best first, by held in physics, then P(hold), then epsilon + ")
-    assert lines[6] == LEGEND
+    assert LEGEND in lines[6:8]  # what it is ordered by may take two lines
 
 
 def test_the_command_in_a_pipe() -> None:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from gpis_grasp_planner.hand.description import load_hand
 
@@ -33,3 +34,34 @@ def test_an_unknown_hand(gpis_grasp) -> None:
     answer = gpis_grasp("hand", "--name", "shadow")
     assert answer.code == 1
     assert "barrett_bh280" in answer.err
+
+
+def test_the_list_names_the_default_and_the_gripper(gpis_grasp) -> None:
+    lines = gpis_grasp("hand", "list").out.splitlines()
+    assert "barrett_bh280 (default)" in lines
+    assert "parallel_jaw" in lines
+
+
+def test_a_good_hand_passes_and_a_bad_one_is_explained(gpis_grasp, tmp_path) -> None:
+    answer = gpis_grasp("hand", "check", "parallel_jaw")
+    assert answer.code == 0
+    assert "2 fingers of 1 link, no spread" in answer.out
+    hand = load_hand("parallel_jaw")
+    text = hand.yaml_path.read_text().replace("[0.0, 0.0, 40.0]", "[0.0, 5.0, 140.0]")
+    (tmp_path / "bad.yaml").write_text(text)
+    (tmp_path / hand.urdf_path.name).write_text(hand.urdf_path.read_text())
+    answer = gpis_grasp("hand", "check", str(tmp_path / "bad.yaml"))
+    assert answer.code == 1
+    assert "left_jaw_link" in answer.err
+    assert "on the surface" in answer.err
+    answer = gpis_grasp("hand", "check", str(tmp_path / "none.yaml"))
+    assert answer.code == 1
+    assert "Cannot read the hand" in answer.err
+
+
+def test_a_picture_of_a_hand(gpis_grasp, tmp_path) -> None:
+    path = tmp_path / "jaw.png"
+    answer = gpis_grasp("hand", "show", "parallel_jaw", "--picture", str(path))
+    assert answer.code == 0
+    with Image.open(path) as image:
+        assert image.size == (3 * 480, 360)

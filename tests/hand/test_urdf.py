@@ -37,6 +37,8 @@ def test_links_are_sorted_and_joint_facts_are_read(tmp_path):
     np.testing.assert_array_equal(tree.link_mass, [2.5, 0.0])
     limits = (tree.joint_lower, tree.joint_upper, tree.joint_velocity, tree.joint_effort)
     np.testing.assert_array_equal(np.concatenate(limits), [-1, 2, 3, 4])
+    np.testing.assert_array_equal(tree.joint_slides, [False])
+    np.testing.assert_array_equal(read_urdf(write(tmp_path, kind="prismatic")).joint_slides, [True])
 
 
 def test_rpy_turns_about_fixed_axes_x_then_y_then_z(tmp_path):
@@ -55,8 +57,8 @@ def test_collision_origin_moves_the_piece_into_the_link_frame(tmp_path):
 
 
 def test_what_cannot_be_a_hand_is_refused(tmp_path):
-    with pytest.raises(RequestError, match="'prismatic'"):
-        read_urdf(write(tmp_path, kind="prismatic"))
+    with pytest.raises(RequestError, match="'planar'"):
+        read_urdf(write(tmp_path, kind="planar"))
     with pytest.raises(RequestError, match="do not hang on 'base'"):
         read_urdf(write(tmp_path, parent="tip"))
     with pytest.raises(RequestError, match=r"nothing\.urdf"):

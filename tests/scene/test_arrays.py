@@ -47,15 +47,15 @@ def test_no_place_of_a_link_is_farther_from_its_probes_than_its_cover(arrays, rn
 def test_no_place_of_a_link_is_faster_than_its_radius(arrays, rng):
     hand = load_hand()
     for index, finger in enumerate(hand.fingers):
-        for link in (finger.inner_link, finger.distal_link):
+        for k, link in enumerate(finger.links):
             assert arrays.link_finger[link] == index
             places = surface_of_union(hand.link_collision[link], rng)
             radius = np.linalg.norm(np.cross(hand.joint_axis[link], places), axis=1)
-            assert radius.max() <= arrays.link_radius[link]
+            assert radius.max() <= arrays.link_reach[link, k]
         # about the inner axis, with the distal joint anywhere: two radii at most
         offset = np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3])
         reach = offset + np.linalg.norm(places, axis=1).max()
-        assert reach <= arrays.link_inner_radius[finger.distal_link]
+        assert reach <= arrays.link_reach[finger.distal_link, 0]
 
 
 def test_pieces_and_points_are_those_of_their_links(arrays):
@@ -130,7 +130,11 @@ def test_a_change_of_the_hands_files_or_the_code_is_another_file(
     before = module.hand_key(hand, "scene/arrays.py")
     models = tmp_path_factory.mktemp("models") / "hand"
     shutil.copytree(hand.urdf_path.parent, models)
-    copy = replace(hand, urdf_path=models / hand.urdf_path.name)
+    copy = replace(
+        hand,
+        yaml_path=models / hand.yaml_path.name,
+        urdf_path=models / hand.urdf_path.name,
+    )
     assert module.hand_key(copy, "scene/arrays.py") == before
     with next(models.rglob("*.yaml")).open("a") as file:
         file.write("# edited\n")

@@ -104,3 +104,14 @@ def test_a_triad_is_found_by_its_sides(hand, rng):
     a, b, c = table.points[rows[0]]
     expected = [np.linalg.norm(a - b), np.linalg.norm(b - c), np.linalg.norm(c - a)]
     assert_allclose(triangle_sides(table.points[rows[:1]])[0], expected)
+
+
+def test_a_gripper_pinches_with_both_jaws_alike():
+    jaw = load_hand("parallel_jaw")
+    table = pinches(jaw, 0.0)
+    assert triads(jaw, 0.0) is None
+    assert_allclose(table.spread, 0.0)
+    assert reachable(jaw, table.joints).all()
+    across = np.abs(table.axis[:, 1]) > 1.0 - 1e-9
+    assert_allclose(table.width[across], 0.085 - 2.0 * table.joints[across, 0], atol=1e-12)
+    assert_allclose(table.middle[:, :2], 0.0, atol=1e-12)

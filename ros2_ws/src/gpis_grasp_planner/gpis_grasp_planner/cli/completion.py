@@ -44,6 +44,13 @@ def mesh_ids(parsed_args: argparse.Namespace, **_: object) -> list[str]:
     return catalogue_of(getattr(parsed_args, "meshes", None)).ids()
 
 
+def hand_names(**_: object) -> list[str]:
+    """The hands there are, for --hand; the shell completes files beside them."""
+    from gpis_grasp_planner.hand.description import available_hands
+
+    return list(available_hands())
+
+
 def setting_names(**_: object) -> list[str]:
     """``group.name=`` of every setting, for --set."""
     from gpis_grasp_planner.cli.options import setting_classes

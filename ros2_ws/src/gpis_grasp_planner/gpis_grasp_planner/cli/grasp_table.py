@@ -72,7 +72,7 @@ def trial_cells(grasp: Grasp) -> tuple[str, str]:
 def contact_code(hand: HandDescription, links: NDArray[np.integer]) -> str:
     """Which links touch, such as ``P F1d F2id``: palm, then each finger with its links.
 
-    Links that belong to no finger are written by their names.
+    Links of no finger are written by their names, a finger of one link by its own alone.
     """
     touching = {int(link) for link in links}
     words = []
@@ -83,16 +83,16 @@ def contact_code(hand: HandDescription, links: NDArray[np.integer]) -> str:
         elif not any(link in _links(finger) for finger in hand.fingers):
             words.append(name)
     for finger in hand.fingers:
-        letters = [
-            letter for letter, link in zip("kid", _links(finger), strict=True) if link in touching
-        ]
-        if letters:
-            words.append(finger.name + "".join(letters))
+        found = [link in touching for link in _links(finger)]
+        if any(found):
+            letters = "kid" if len(finger.links) > 1 else ("k", "")
+            touched = [letter for letter, here in zip(letters, found, strict=True) if here]
+            words.append(finger.name + "".join(touched))
     return " ".join(words)
 
 
-def _links(finger: Finger) -> tuple[int, int, int]:
-    return finger.knuckle_link, finger.inner_link, finger.distal_link
+def _links(finger: Finger) -> tuple[int, ...]:
+    return finger.knuckle_link, *finger.links
 
 
 def _vector(values: NDArray[np.float64], width: int, digits: int) -> str:

@@ -1,38 +1,98 @@
-"""Facts of the hand, or the path of its URDF."""
+"""The hands there are: their facts, what is wrong with a description, and a picture."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gpis_grasp_planner.cli.exit_codes import SUCCESS
+from gpis_grasp_planner.cli import output
+from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.hand.description import HandDescription
+
+EXAMPLES = """\
+examples:
+  gpis-grasp hand
+  gpis-grasp hand list
+  gpis-grasp hand check ./my_hand.yaml
+  gpis-grasp hand show parallel_jaw --picture jaw.png
+"""
+_SHOWN = (0.0, 0.5, 1.0)  # shares of the way of the finger motors
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'hand'."""
-    parser.add_argument("--name", metavar="HAND", help="default: the default hand")
+    parser.add_argument(
+        "what",
+        nargs="?",
+        choices=("facts", "list", "check", "show"),
+        default="facts",
+        help="facts of a hand (the default), the hands there are, what is wrong with a "
+        "description, or a picture of the hand open, half closed and closed",
+    )
+    parser.add_argument("hand", nargs="?", metavar="HAND", help="name, or the hand's YAML file")
+    parser.add_argument("--name", metavar="HAND", help="the same; default: the default hand")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--urdf", action="store_true", help="print the path of the URDF only")
     form.add_argument("--json", action="store_true", help="print the facts as JSON")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.png", help="of 'show'; default: HAND.png"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was asked for."""
-    from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+    from gpis_grasp_planner.hand.description import DEFAULT_HAND, available_hands, load_hand
 
-    hand = load_hand(arguments.name or DEFAULT_HAND)
+    if arguments.what == "list":
+        for name in available_hands():
+            print(name + (" (default)" if name == DEFAULT_HAND else ""))
+        return SUCCESS
+    hand = load_hand(arguments.hand or arguments.name or DEFAULT_HAND)
+    if arguments.what == "check":
+        return _check(hand)
+    if arguments.what == "show":
+        return _draw(hand, arguments.picture)
     if arguments.urdf:
         print(hand.urdf_path)
         return SUCCESS
-    facts: dict[str, Any] = {
+    facts = facts_of(hand)
+    if arguments.json:
+        print(json.dumps(facts, indent=1))
+        return SUCCESS
+    print(f"{hand.name}: {hand.urdf_path}")
+    print("joints [rad, sliding ones m]:")
+    for joint in facts["joints"]:
+        print(f"  {joint['name']:<16} {joint['lower']:.4f} to {joint['upper']:.4f}")
+    print("links (friction of):")
+    for link in facts["links"]:
+        print(f"  {link['name']:<26} {link['friction_group']}")
+    return SUCCESS
+
+
+def facts_of(hand: HandDescription) -> dict[str, Any]:
+    """What 'hand --json' prints."""
+    return {
         "name": hand.name,
         "urdf": str(hand.urdf_path),
         "palm_link": hand.palm_link,
         "joints": [
-            {"name": name, "lower": float(low), "upper": float(high), "velocity": float(speed)}
-            for name, low, high, speed in zip(
-                hand.joint_names, hand.joint_lower, hand.joint_upper, hand.joint_velocity,
+            {
+                "name": name,
+                "type": "prismatic" if slides else "revolute",
+                "lower": float(low),
+                "upper": float(high),
+                "velocity": float(speed),
+            }
+            for name, slides, low, high, speed in zip(
+                hand.joint_names,
+                hand.joint_slides,
+                hand.joint_lower,
+                hand.joint_upper,
+                hand.joint_velocity,
                 strict=True,
             )
         ],
@@ -46,15 +106,48 @@ def run(arguments: argparse.Namespace) -> int:
                 hand.drive.motor_names, hand.drive.motor_lower, hand.drive.motor_upper, strict=True
             )
         ],
-    }  # fmt: skip
-    if arguments.json:
-        print(json.dumps(facts, indent=1))
-        return SUCCESS
-    print(f"{hand.name}: {hand.urdf_path}")
-    print("joints [rad]:")
-    for joint in facts["joints"]:
-        print(f"  {joint['name']:<14} {joint['lower']:.4f} to {joint['upper']:.4f}")
-    print("links (friction of):")
-    for link in facts["links"]:
-        print(f"  {link['name']:<26} {link['friction_group']}")
+    }
+
+
+def _check(hand: HandDescription) -> int:
+    """Print the faults of a hand that could be read; what cannot be read was told before."""
+    from gpis_grasp_planner.hand.checks import faults_of
+
+    faults = faults_of(hand)
+    for fault in faults:
+        output.note(f"gpis-grasp: {fault}")
+    if faults:
+        return ERROR
+    spread = "a spread" if hand.spread_upper else "no spread"
+    links = len(hand.fingers[0].links)
+    print(
+        f"{hand.name}: no fault found; {len(hand.fingers)} fingers of {links} "
+        f"link{'s' if links > 1 else ''}, {spread}, {hand.n_links} links with "
+        f"{sum(map(len, hand.link_collision))} convex pieces."
+    )
+    return SUCCESS
+
+
+def _draw(hand: HandDescription, path: Path | None) -> int:
+    import numpy as np
+
+    from gpis_grasp_planner.hand.checks import fingertip_gaps
+    from gpis_grasp_planner.hand.drive import joints_from_motors
+    from gpis_grasp_planner.view.picture import GraspView, render_sheet
+
+    path = path or Path(f"{hand.yaml_path.stem}.png")
+    output.check_picture(path)
+    share = np.array(_SHOWN)
+    joints = joints_from_motors(
+        hand, np.zeros(len(share)), share[:, None] * hand.drive.motor_upper[1:]
+    )
+    gaps = 1e3 * fingertip_gaps(hand, share)
+    views = [
+        GraspView(
+            None, hand, np.eye(4), q, caption=f"closed by {100 * s:.0f} %: {gap:.0f} mm apart"
+        )
+        for q, s, gap in zip(joints, share, gaps, strict=True)
+    ]
+    render_sheet(views, path=path, view="auto", columns=len(views))
+    print(path)
     return SUCCESS

@@ -19,6 +19,7 @@ from gpis_grasp_planner.cli import (
     hand,
     meshes,
     plan,
+    plan_all,
     render,
     settings,
     store,
@@ -30,6 +31,7 @@ from gpis_grasp_planner.errors import GraspPlannerError
 
 COMMANDS = {
     "plan": plan,
+    "plan-all": plan_all,
     "render": render,
     "verify": verify,
     "meshes": meshes,

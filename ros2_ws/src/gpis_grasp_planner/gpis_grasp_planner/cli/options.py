@@ -51,6 +51,22 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_hand(parser: argparse.ArgumentParser) -> None:
+    """Add --hand."""
+    hand = parser.add_argument(
+        "--hand",
+        metavar="HAND",
+        help="name of a hand that 'gpis-grasp hand' lists, or its YAML file; default: the "
+        "setting hand.model",
+    )
+    hand.completer = completion.hand_names  # type: ignore[attr-defined]
+
+
+def with_hand(assignments: Sequence[str], hand: str | None) -> list[str]:
+    """Assignments of settings with that of the hand."""
+    return [*assignments, *([] if hand is None else [f"hand.model={hand}"])]
+
+
 def add_document(parser: argparse.ArgumentParser) -> None:
     """Add a document of grasps and, where its mesh is elsewhere, the mesh."""
     parser.add_argument("document", metavar="GRASPS.json", type=Path, help="of 'plan --json'")

@@ -44,6 +44,7 @@ examples:
   gpis-grasp plan mug --seed 7 --evaluations 500 --verify none
   gpis-grasp plan mug --support lowest --explain
   gpis-grasp plan mug --set verification.mass_kg=0.3
+  gpis-grasp plan flange --hand parallel_jaw
 """
 
 
@@ -82,6 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"{', '.join(PLANNERS)}, or one of an installed distribution such as "
         "gpis-grasp-benchmark; default: dual",
     )
+    options.add_hand(parser)
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
     parser.add_argument(
@@ -154,7 +156,9 @@ def _plan(
     """The part, its file, the answer, and whether a place was given."""
     from gpis_grasp_planner.plan.request import PlanRequest
 
-    settings, catalogue_settings = options.read_settings(arguments.settings, arguments.assignments)
+    settings, catalogue_settings = options.read_settings(
+        arguments.settings, options.with_hand(arguments.assignments, arguments.hand)
+    )
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     status.enter("reading")
     part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)

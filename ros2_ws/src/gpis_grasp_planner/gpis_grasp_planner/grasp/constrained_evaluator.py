@@ -156,11 +156,12 @@ class ConstrainedEvaluator:
     def _narrowed(
         self, attempts: Attempts, found: Verdict, back: float
     ) -> tuple[Attempts, Verdict]:
-        """Start the blocked hands at most `back` [rad] before their fingers' first contact."""
+        """Start the blocked hands at most `back` [rad, or `closing_unit`] before first contact."""
         rows = np.flatnonzero(found.blocked)
         spread, _ = motors_from_joints(self._hand, attempts.joints[rows])
         inner = attempts.joints[rows][:, [finger.inner_joint for finger in self._hand.fingers]]
-        start = joints_from_motors(self._hand, spread, np.maximum(inner - back, 0.0))
+        wider = np.maximum(inner - back * self._hand.closing_unit, 0.0)
+        start = joints_from_motors(self._hand, spread, wider)
         wide = attempts.start_joints
         assert wide is not None
         trial = replace(attempts, start_joints=_with_rows(wide, rows, start))

@@ -39,6 +39,8 @@ class Attempts:
     Attributes
     ----------
     T_object_palm : (B, 4, 4) array
+        Where the hands closed: where they were asked to, but for a coupled hand, whose palm is
+        moved along its jaws' line until both touch (`scene.centring`).
     spread : (B,) array [rad]
         Spread of the hand before it closed.
     status : (B,) int array of AttemptStatus

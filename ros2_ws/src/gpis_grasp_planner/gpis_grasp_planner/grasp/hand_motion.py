@@ -59,7 +59,7 @@ class HandPieces:
             for piece in group
         ]
         link = np.array([number for number, _ in pieces], dtype=np.int64)
-        closing = {i for f in hand.fingers for i in (f.inner_link, f.distal_link)}
+        closing = {i for f in hand.fingers for i in f.links}
         return HandPieces(
             link=link,
             start=np.cumsum([0] + [len(v) for _, v in pieces]).astype(np.int64),
@@ -140,11 +140,12 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
     spread, m_end = motors_from_joints(hand, end)
     inner = end[:, [finger.inner_joint for finger in hand.fingers]]
     ratio = hand.drive.distal_per_inner
-    broken = (m_end - inner) * (1.0 + ratio) > _BROKEN_AWAY_RAD
+    broken = hand.two_links & ((m_end - inner) * (1.0 + ratio) > _BROKEN_AWAY_RAD)
     stop = np.where(broken, inner, np.inf)
     kink = np.clip(np.where(broken, inner, m_end), np.minimum(m_start, m_end), m_end)
     first, second = kink - m_start, m_end - kink
-    n_1, n_2 = np.ceil(np.abs(first) / _STEP_RAD), np.ceil(np.abs(second) / _STEP_RAD)
+    step = _STEP_RAD * hand.closing_unit
+    n_1, n_2 = np.ceil(np.abs(first) / step), np.ceil(np.abs(second) / step)
     whole_1, whole_2 = np.maximum(n_1, 1.0), np.maximum(n_2, 1.0)
     moves = np.maximum((n_1 + n_2).max(axis=1), 1.0)
     sample = np.arange(moves.max() + 1.0)
@@ -171,6 +172,8 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
 def _acceleration(hand: HandDescription) -> float:
     """Upper bound of a finger point's acceleration per squared motor speed [m/rad^2].
 
+    0 for a finger that slides.
+
     With the coupling c the distal link's point turns about the inner axis at 1 and about its own
     at c: offset + r (1 + c)^2; after breakaway about its own at 1 + c: r (1 + c)^2.
     """
@@ -178,6 +181,8 @@ def _acceleration(hand: HandDescription) -> float:
     most = 0.0
     turn = (1.0 + hand.drive.distal_per_inner) ** 2
     for finger in hand.fingers:
+        if hand.joint_slides[finger.inner_joint]:
+            continue
         offset = float(np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3]))
         for piece in np.flatnonzero(pieces.moving):
             rows = slice(pieces.start[piece], pieces.start[piece + 1])

@@ -1,11 +1,12 @@
 """A hand as data: its URDF and a YAML file with what a URDF cannot say.
 
-A further hand comes by adding ``models/<name>/<name>.yaml`` with its URDF and convex meshes; the
-code knows no hand by name except the default.
+A further hand comes by adding ``models/<name>/<name>.yaml`` with its URDF, or by such a file
+anywhere (docs/hands.md); the code knows no hand by name except the default.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -17,42 +18,73 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.hand.urdf import UrdfTree, read_urdf, with_mesh_uris
+from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
 
 DEFAULT_HAND = "barrett_bh280"
+SLIDING_LEVER_M = 0.05
+_MOST_LINKS = 2
 
 
 @dataclass(frozen=True)
 class Finger:
     """One finger: indices of its joints and links (-1: it has none).
 
-    `spread_sign` is the sense of the spread about the palm's z axis, 0 without a spread joint.
+    Attributes
+    ----------
+    spread_joint : int
+        The joint of the pre-shape, or -1.
+    joints, links : tuples of int
+        What closing moves, from the palm outwards; one or two of each.
+    knuckle_link : int
+        The link that carries the first of them.
+    spread_sign : int
+        Sense of the spread about the palm's z axis, 0 without a spread joint.
     """
 
     name: str
     spread_joint: int
-    inner_joint: int
-    distal_joint: int
+    joints: tuple[int, ...]
+    links: tuple[int, ...]
     knuckle_link: int
-    inner_link: int
-    distal_link: int
     spread_sign: int
+
+    @property
+    def inner_joint(self) -> int:
+        """The first joint that closes."""
+        return self.joints[0]
+
+    @property
+    def distal_joint(self) -> int:
+        """The last joint that closes; of a finger with one link, the same as the inner one."""
+        return self.joints[-1]
+
+    @property
+    def inner_link(self) -> int:
+        """The first link that closing moves."""
+        return self.links[0]
+
+    @property
+    def distal_link(self) -> int:
+        """The outermost link; of a finger with one link, the same as the inner one."""
+        return self.links[-1]
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
     """Motors and gears; motors are ordered spread, then one per finger.
 
-    Finger motors' angles are given as the inner joint's angle they give without breakaway.
+    Finger motors' angles are given as the inner joint's angle they give without breakaway, in
+    metres where that joint slides. A hand without a spread has 0 to 0 there.
     """
 
     motor_names: tuple[str, ...]
     motor_lower: Array  # [rad]
     motor_upper: Array  # [rad]
     motor_speed: Array  # [rad/s]
-    distal_per_inner: float  # coupling before breakaway
+    distal_per_inner: float  # coupling before breakaway; 0 where fingers have one link
+    coupled: bool  # one motor moves all fingers by the same amount (docs/hands.md)
     breakaway_torque: float  # [N m]
     tip_point: Array  # (3,) [m], where a fingertip presses, in the distal link's frame
 
@@ -82,7 +114,8 @@ class HandDescription(UrdfTree):
     Attributes beside those of :class:`~gpis_grasp_planner.hand.urdf.UrdfTree`:
 
     name : str
-    urdf_path : Path
+        By which :func:`load_hand` finds it: the model's, or the path of its YAML file.
+    yaml_path, urdf_path : Path
     palm_link : str
         The root link; its frame is the palm frame P of ``docs/frames.md``.
     link_friction_group : tuple of str
@@ -91,9 +124,12 @@ class HandDescription(UrdfTree):
     drive : Drive
     eigengrasps : Eigengrasps
     desired_contacts : DesiredContacts
+    contact_patches : bool
+        Whether the fingers' links have flat pads, that touch with a patch (`scene.touch`).
     """
 
     name: str
+    yaml_path: Path
     urdf_path: Path
     palm_link: str
     link_friction_group: tuple[str, ...]
@@ -101,6 +137,42 @@ class HandDescription(UrdfTree):
     drive: Drive
     eigengrasps: Eigengrasps
     desired_contacts: DesiredContacts
+    contact_patches: bool
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that the hand was read from."""
+        return (self.yaml_path, self.urdf_path, *mesh_files(self.urdf_path))
+
+    @property
+    def identity(self) -> str:
+        """The name; of a hand from a file of one's own with a hash, since the file may change."""
+        if _models() in self.yaml_path.parents:
+            return self.name
+        digest = hashlib.sha256()
+        for path in self.files:
+            digest.update(path.read_bytes())
+        return f"{self.name}#{digest.hexdigest()[:16]}"
+
+    @property
+    def two_links(self) -> NDArray[np.bool_]:
+        """Which fingers (F,) have an inner and a distal link; the others have one."""
+        return np.array([len(finger.links) == 2 for finger in self.fingers])
+
+    @property
+    def closing_unit(self) -> Array:
+        """What counts as 1 rad of a finger's closing, (F,) [rad or m].
+
+        Steps and tolerances of the closing are set for fingers that turn. One that slides has them
+        times a lever of 50 mm, at which 1 rad moves a fingertip as far.
+        """
+        slides = self.joint_slides[[finger.inner_joint for finger in self.fingers]]
+        return np.where(slides, SLIDING_LEVER_M, 1.0)
+
+    @property
+    def spread_upper(self) -> float:
+        """Largest spread [rad]; 0 for a hand without one."""
+        return float(self.drive.motor_upper[0])
 
     @property
     def n_joints(self) -> int:
@@ -120,20 +192,50 @@ def available_hands() -> tuple[str, ...]:
 
 @lru_cache(maxsize=8)
 def load_hand(name: str = DEFAULT_HAND) -> HandDescription:
-    """Load a hand by name; the same object every time. First call about 15 ms.
+    """Load a hand by name, or by its YAML file; the same object every time. First call about 15 ms.
 
     Raises
     ------
     RequestError
         If there is no such hand or its files contradict each other.
+    MeshError
+        If a collision mesh is missing or damaged.
     """
-    if name not in available_hands():
-        raise RequestError(f"Unknown hand '{name}'; known are {', '.join(available_hands())}.")
-    folder = _models() / name
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).resolve()
+        name = str(path)
+    elif name in available_hands():
+        path = _models() / name / f"{name}.yaml"
+    else:
+        raise RequestError(
+            f"Unknown hand '{name}'; known are {', '.join(available_hands())}, or give a hand's "
+            "YAML file, which ends in .yaml."
+        )
+    data = _read_yaml(path)
+    try:
+        return _described(name, path, data)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        missing = f"'{error.args[0]}' is missing" if isinstance(error, KeyError) else str(error)
+        raise RequestError(
+            f"'{path}' does not describe a hand: {missing}. Compare it with "
+            f"'{_models() / DEFAULT_HAND / DEFAULT_HAND}.yaml' and docs/hands.md."
+        ) from error
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    with (folder / f"{name}.yaml").open(encoding="utf-8") as file:
-        data = yaml.load(file, Loader=loader)
-    urdf_path = folder / data["urdf"]
+    try:
+        with path.open(encoding="utf-8") as file:
+            data = yaml.load(file, Loader=loader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise RequestError(f"Cannot read the hand '{path}': {error}.") from error
+    if not isinstance(data, dict):
+        raise RequestError(f"'{path}' holds no names and values; see docs/hands.md.")
+    return data
+
+
+def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescription:
+    urdf_path = path.parent / data["urdf"]
     tree = read_urdf(urdf_path)
     if tree.link_names[0] != data["palm_link"]:
         raise RequestError(
@@ -145,6 +247,7 @@ def load_hand(name: str = DEFAULT_HAND) -> HandDescription:
     hand = HandDescription(
         **{f.name: getattr(tree, f.name) for f in fields(UrdfTree)},
         name=name,
+        yaml_path=path,
         urdf_path=urdf_path,
         palm_link=data["palm_link"],
         link_friction_group=tuple(
@@ -158,7 +261,9 @@ def load_hand(name: str = DEFAULT_HAND) -> HandDescription:
             amplitude_limit=float(data["eigengrasps"]["amplitude_limit"]),
         ),
         desired_contacts=_desired_contacts(data["desired_contacts"], fingers),
+        contact_patches=bool(data.get("contact_patches", False)),
     )
+    _check(hand)
     for part in (hand, hand.drive, hand.eigengrasps, hand.desired_contacts):
         _freeze(part)
     return hand
@@ -183,31 +288,88 @@ def _models() -> Path:
 
 
 def _finger(tree: UrdfTree, entry: Mapping[str, Any]) -> Finger:
-    joints = {
-        key: -1 if entry[key] is None else tree.joint_names.index(entry[key])
-        for key in ("spread_joint", "inner_joint", "distal_joint")
-    }
+    for name in [*entry["joints"], entry.get("spread_joint")]:
+        if name is not None and name not in tree.joint_names:
+            raise RequestError(
+                f"Finger '{entry['name']}' names a joint '{name}' that the URDF does not have; it "
+                f"has {', '.join(tree.joint_names)}."
+            )
+    if not 1 <= len(entry["joints"]) <= _MOST_LINKS:
+        raise RequestError(
+            f"Finger '{entry['name']}' has {len(entry['joints'])} closing joints; a finger may "
+            f"have 1 to {_MOST_LINKS}."
+        )
+    spread = entry.get("spread_joint")
+    joints = tuple(tree.joint_names.index(name) for name in entry["joints"])
     moved_by = {int(joint): link for link, joint in enumerate(tree.link_joint) if joint >= 0}
-    inner_link = moved_by[joints["inner_joint"]]
+    links = tuple(moved_by[joint] for joint in joints)
     return Finger(
         name=entry["name"],
-        **joints,
-        knuckle_link=int(tree.link_parent[inner_link]),
-        inner_link=inner_link,
-        distal_link=moved_by[joints["distal_joint"]],
-        spread_sign=int(entry["spread_sign"]),
+        spread_joint=-1 if spread is None else tree.joint_names.index(spread),
+        joints=joints,
+        links=links,
+        knuckle_link=int(tree.link_parent[links[0]]),
+        spread_sign=int(entry.get("spread_sign", 0)),
     )
 
 
+def _check(hand: HandDescription) -> None:
+    """Refuse what the closing does not know, see docs/decisions."""
+    for finger in hand.fingers:
+        slides = hand.joint_slides[list(finger.joints)]
+        if slides.any() and len(finger.joints) > 1:
+            raise RequestError(
+                f"Finger '{finger.name}' of '{hand.name}' has a sliding joint among "
+                f"{len(finger.joints)}; a finger that slides has that one joint only."
+            )
+        if (hand.joint_lower[list(finger.joints)] != 0.0).any():
+            raise RequestError(
+                f"A joint of finger '{finger.name}' of '{hand.name}' does not begin at 0, where "
+                "the open hand is; shift the joint's origin in the URDF."
+            )
+    if len({len(finger.links) for finger in hand.fingers}) != 1:
+        raise RequestError(f"The fingers of '{hand.name}' differ in their number of links.")
+    n_motors = len(hand.fingers) + 1
+    if len(hand.drive.motor_upper) != n_motors or len(hand.drive.motor_names) != n_motors:
+        raise RequestError(
+            f"'{hand.name}' names {len(hand.drive.motor_names)} motors with "
+            f"{len(hand.drive.motor_upper)} limits; give {n_motors}: the spread (0 where there is "
+            "none), then one for each finger."
+        )
+    if hand.drive.coupled and not _is_parallel_pair(hand):
+        raise RequestError(
+            f"'{hand.name}' is coupled, which is known for two fingers that slide towards each "
+            "other by the same amount only."
+        )
+
+
+def _is_parallel_pair(hand: HandDescription) -> bool:
+    joints = [joint for finger in hand.fingers for joint in finger.joints]
+    if len(joints) != 2 or not hand.joint_slides[joints].all():
+        return False
+    axes = [
+        hand.T_parent_joint[link][:3, :3] @ hand.joint_axis[link]
+        for finger in hand.fingers
+        for link in finger.links
+    ]
+    same_travel = hand.joint_upper[joints[0]] == hand.joint_upper[joints[1]]
+    return bool(np.allclose(axes[0], -axes[1], atol=1e-9) and same_travel)
+
+
 def _drive(data: Mapping[str, Any]) -> Drive:
-    upper = np.radians(np.array(data["motor_upper_deg"], dtype=float))
+    if "motor_upper_mm" in data:
+        upper = np.array(data["motor_upper_mm"], dtype=float) / 1000.0
+    else:
+        upper = np.radians(np.array(data["motor_upper_deg"], dtype=float))
+    ratio = data["motor_to_inner"] / data["motor_to_distal"] if "motor_to_distal" in data else 0.0
     return Drive(
         motor_names=tuple(data["motor_names"]),
         motor_lower=np.zeros_like(upper),
         motor_upper=upper,
         motor_speed=upper / np.array(data["full_travel_s"], dtype=float),
-        distal_per_inner=data["motor_to_inner"] / data["motor_to_distal"],
-        breakaway_torque=float(data["breakaway_torque"]),
+        distal_per_inner=ratio,
+        coupled=bool(data.get("coupled", False)),
+        breakaway_torque=float(data.get("breakaway_torque", 0.0)),
         tip_point=np.array(data["tip_point_mm"], dtype=float) / 1000.0,
     )
 
@@ -215,8 +377,8 @@ def _drive(data: Mapping[str, Any]) -> Drive:
 def _desired_contacts(data: Mapping[str, Any], fingers: tuple[Finger, ...]) -> DesiredContacts:
     wanted = [(0, entry) for entry in data["palm"]]
     for finger in fingers:
-        wanted += [(finger.inner_link, entry) for entry in data["inner"]]
-        wanted += [(finger.distal_link, entry) for entry in data["distal"]]
+        for link, entries in zip(finger.links, data["links"], strict=True):
+            wanted += [(link, entry) for entry in entries]
     normals = np.array([entry["normal"] for _, entry in wanted], dtype=float)
     return DesiredContacts(
         links=np.array([link for link, _ in wanted]),

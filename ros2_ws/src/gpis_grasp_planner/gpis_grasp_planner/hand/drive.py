@@ -6,6 +6,8 @@ and the gear ratios 125 and 375 the firmware's law is
     inner = M / 125,          distal = M / 375                       before breakaway,
     inner = held,             distal = M (1/125 + 1/375) - held      after it.
 
+A finger of one link has its motor's position.
+
 Here a motor angle is ``m = M / 125``, the inner angle it gives without breakaway, so that
 distal = m / 3 before and 4/3 m - held after. Breakaway acts in closing only.
 """
@@ -53,7 +55,8 @@ def joints_from_motors(
         if finger.spread_joint >= 0:
             joints[:, finger.spread_joint] = spread
         joints[:, finger.inner_joint] = inner[:, index]
-        joints[:, finger.distal_joint] = distal[:, index]
+        if len(finger.joints) > 1:
+            joints[:, finger.distal_joint] = distal[:, index]
     return np.clip(joints, hand.joint_lower, hand.joint_upper)
 
 
@@ -69,7 +72,8 @@ def motors_from_joints(hand: HandDescription, joints: ArrayLike) -> tuple[Array,
     spread = joints[:, spreading].mean(axis=1) if spreading else np.zeros(len(joints))
     inner = joints[:, [finger.inner_joint for finger in hand.fingers]]
     distal = joints[:, [finger.distal_joint for finger in hand.fingers]]
-    return spread, (inner + distal) / (1.0 + hand.drive.distal_per_inner)
+    both = (inner + distal) / (1.0 + hand.drive.distal_per_inner)
+    return spread, np.where(hand.two_links, both, inner)
 
 
 def reachable(
@@ -77,7 +81,8 @@ def reachable(
 ) -> NDArray[np.bool_]:
     """Whether joint vectors (B, J) lie within limits and can be driven to, (B,) bool.
 
-    The spread joints must agree and no distal joint may be behind its coupling.
+    The spread joints must agree, as must the fingers of a coupled hand, and no distal joint may be
+    behind its coupling.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
     low = (joints >= hand.joint_lower - tolerance).all(axis=1)
@@ -87,6 +92,8 @@ def reachable(
     inner = joints[:, [finger.inner_joint for finger in hand.fingers]]
     distal = joints[:, [finger.distal_joint for finger in hand.fingers]]
     ahead = (distal >= hand.drive.distal_per_inner * inner - tolerance).all(axis=1)
+    if hand.drive.coupled:
+        together = together & (np.ptp(inner, axis=1) <= tolerance)
     return np.asarray(low & high & together & ahead)
 
 

@@ -16,7 +16,7 @@ def link_transforms(hand: HandDescription, joint_positions: ArrayLike) -> Array:
     Parameters
     ----------
     hand : HandDescription
-    joint_positions : (B, J) array [rad]
+    joint_positions : (B, J) array [rad, or m where a joint slides]
         In the order of ``hand.joint_names``.
 
     Returns
@@ -33,7 +33,8 @@ def link_transforms(hand: HandDescription, joint_positions: ArrayLike) -> Array:
         T_parent_link = hand.T_parent_joint[link]
         joint = hand.link_joint[link]
         if joint >= 0:
-            T_parent_link = T_parent_link @ rotation_about(hand.joint_axis[link], q[:, joint])
+            moved = translation_along if hand.joint_slides[joint] else rotation_about
+            T_parent_link = T_parent_link @ moved(hand.joint_axis[link], q[:, joint])
         parent = hand.link_parent[link]
         if parent >= 0:
             T_parent_link = T_palm_link[:, parent] @ T_parent_link
@@ -52,4 +53,11 @@ def rotation_about(axis: Array, angle: Array) -> Array:
         + (1.0 - np.cos(angle))[:, None, None] * (K @ K)
     )
     T[:, 3, 3] = 1.0
+    return T
+
+
+def translation_along(axis: Array, distance: Array) -> Array:
+    """Transforms (B, 4, 4) that move by distances (B,) [m] along a unit axis (3,)."""
+    T = np.tile(np.eye(4), (len(distance), 1, 1))
+    T[:, :3, 3] = distance[:, None] * axis
     return T

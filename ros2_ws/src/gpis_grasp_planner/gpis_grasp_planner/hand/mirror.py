@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.description import SLIDING_LEVER_M, HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 
-_POSTURE_RAD = {"spread": 0.5, "inner": 0.7, "distal": 0.4}
+_SPREAD_RAD = 0.5
+_LINKS_RAD = (0.7, 0.4)
 _TOLERANCE_M = 1e-3
 
 
@@ -29,15 +30,15 @@ def hand_mirror(hand: HandDescription) -> NDArray[np.float64] | None:
     """
     joints = np.zeros((1, hand.n_joints))
     for finger in hand.fingers:
-        joints[0, finger.inner_joint] = _POSTURE_RAD["inner"]
-        joints[0, finger.distal_joint] = _POSTURE_RAD["distal"]
+        for joint, value in zip(finger.joints, _LINKS_RAD, strict=False):
+            joints[0, joint] = value * (SLIDING_LEVER_M if hand.joint_slides[joint] else 1.0)
         if finger.spread_joint >= 0:
-            joints[0, finger.spread_joint] = _POSTURE_RAD["spread"]
+            joints[0, finger.spread_joint] = _SPREAD_RAD
     T_palm_link = link_transforms(hand, joints)[0]
     corners = np.concatenate(
         [
             np.asarray(piece.vertices) @ T_palm_link[link, :3, :3].T + T_palm_link[link, :3, 3]
-            for link in {i for f in hand.fingers for i in (f.inner_link, f.distal_link)}
+            for link in {i for f in hand.fingers for i in f.links}
             for piece in hand.link_collision[link]
         ]
     )

@@ -42,7 +42,11 @@ def reach_radius(hand: HandDescription) -> float:
         for k in reversed(path):
             if (j := int(hand.link_joint[k])) >= 0:
                 half = 0.5 * float(hand.joint_upper[j] - hand.joint_lower[j]) / (n - 1)
-                moved += half * lever
+                if hand.joint_slides[j]:
+                    moved += half
+                    lever += float(hand.joint_upper[j] - hand.joint_lower[j])
+                else:
+                    moved += half * lever
             lever += float(np.linalg.norm(hand.T_parent_joint[k][:3, 3]))
         slack = max(slack, moved)
     every = np.concatenate([p.reshape(-1, 3) for p in points])

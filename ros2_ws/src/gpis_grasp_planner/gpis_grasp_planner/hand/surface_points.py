@@ -46,7 +46,7 @@ class SurfacePoints:
 
 @lru_cache(maxsize=16)
 def surface_points(
-    hand: HandDescription, fine_spacing: float = 0.005, coarse_spacing: float = 0.012
+    hand: HandDescription, fine_spacing: float | None = None, coarse_spacing: float = 0.012
 ) -> SurfacePoints:
     """Cover the links' surfaces with points.
 
@@ -54,13 +54,16 @@ def surface_points(
     ----------
     hand : HandDescription
     fine_spacing, coarse_spacing : float [m]
-        Largest distance of a place from its nearest point on the grasping side, and elsewhere.
+        Largest distance of a place from its nearest point on the grasping side, and elsewhere. Fine
+        is 5 mm, and half of that for a hand with flat pads, whose patch's corners are wanted.
 
     Returns
     -------
     SurfacePoints
         Some 100 to 300 per link; cached. The first call takes about 0.2 s.
     """
+    if fine_spacing is None:
+        fine_spacing = 0.0025 if hand.contact_patches else 0.005
     points, normals = [], []
     shapes: dict[tuple[int, ...], tuple[Array, Array]] = {}
     for link, pieces in enumerate(hand.link_collision):

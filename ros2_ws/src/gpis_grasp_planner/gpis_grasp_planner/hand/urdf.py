@@ -1,7 +1,7 @@
 """Read the kinematic tree and the collision pieces of a URDF with the standard library.
 
-Understands what the hands of this project use: revolute and fixed joints, collision shapes that
-are convex STL pieces in metres with names relative to the URDF's folder.
+Understands what the hands of this project use: revolute, prismatic and fixed joints, collision
+shapes that are boxes or convex STL pieces in metres with names relative to the URDF's folder.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ class UrdfTree:
     joint_axis : (L, 3) array
         Unit axis in the link's frame; zero where fixed.
     joint_names : tuple of str, J entries
+    joint_slides : (J,) bool array
+        Whether the joint is prismatic: its position is in metres then, its effort in newtons.
     joint_lower, joint_upper, joint_velocity, joint_effort : (J,) arrays [rad, rad/s, N m]
+        Or [m, m/s, N] where the joint slides.
     link_mass : (L,) array [kg]
     link_collision : tuple of tuples of TriangleMesh
         Convex pieces per link, in the link's frame [m].
@@ -49,6 +52,7 @@ class UrdfTree:
     T_parent_joint: Array
     joint_axis: Array
     joint_names: tuple[str, ...]
+    joint_slides: NDArray[np.bool_]
     joint_lower: Array
     joint_upper: Array
     joint_velocity: Array
@@ -80,10 +84,10 @@ def read_urdf(path: Path) -> UrdfTree:
     order = _from_root(list(links), joint_of_child, path)
     movable = [joint for joint in joints if joint.get("type") != "fixed"]
     for joint in movable:
-        if joint.get("type") != "revolute":
+        if joint.get("type") not in ("revolute", "prismatic"):
             raise RequestError(
                 f"Joint '{joint.get('name')}' of '{path}' is '{joint.get('type')}'; hands may have "
-                "revolute and fixed joints."
+                "revolute, prismatic and fixed joints."
             )
     joint_names = tuple(joint.get("name", "") for joint in movable)
     limits = np.array(
@@ -118,6 +122,7 @@ def read_urdf(path: Path) -> UrdfTree:
         T_parent_joint=T_parent_joint,
         joint_axis=joint_axis,
         joint_names=joint_names,
+        joint_slides=np.array([joint.get("type") == "prismatic" for joint in movable]),
         joint_lower=limits[0],
         joint_upper=limits[1],
         joint_velocity=limits[2],
@@ -125,6 +130,12 @@ def read_urdf(path: Path) -> UrdfTree:
         link_mass=np.array(masses),
         link_collision=_collision(path, [links[name] for name in order]),
     )
+
+
+def mesh_files(path: Path) -> tuple[Path, ...]:
+    """The meshes that a URDF names, each once."""
+    names = {str(mesh.get("filename")) for mesh in ET.parse(path).getroot().iter("mesh")}
+    return tuple(path.parent / name for name in sorted(names))
 
 
 def with_mesh_uris(path: Path, mesh_uri_prefix: str) -> str:
@@ -157,21 +168,34 @@ def _collision(path: Path, links: list[ET.Element]) -> tuple[tuple[TriangleMesh,
     for link in links:
         pieces = []
         for shape in link.findall("collision"):
-            mesh = shape.find("geometry/mesh")
-            if mesh is None:
+            mesh, box = shape.find("geometry/mesh"), shape.find("geometry/box")
+            if mesh is not None:
+                name = mesh.get("filename", "")
+                if name not in files:
+                    files[name] = read_stl(path.parent / name)
+            elif box is not None:
+                name = f"box {box.get('size')}"
+                files.setdefault(name, _box(_numbers(box.get("size", "0 0 0"))))
+            else:
                 raise RequestError(
-                    f"Link '{link.get('name')}' of '{path}' has a collision shape that is no mesh; "
-                    "give convex STL pieces."
+                    f"Link '{link.get('name')}' of '{path}' has a collision shape that is neither "
+                    "a box nor a mesh; give boxes or convex STL pieces."
                 )
-            name = mesh.get("filename", "")
-            if name not in files:
-                files[name] = read_stl(path.parent / name)
             piece, T_link_piece = files[name], _origin(shape)
             if not np.array_equal(T_link_piece, np.eye(4)):
                 piece = TriangleMesh(apply(T_link_piece, piece.vertices), piece.faces)
             pieces.append(piece)
         result.append(tuple(pieces))
     return tuple(result)
+
+
+def _box(size: Array) -> TriangleMesh:
+    """A box (3,) [m] about the origin."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    # counter-clockwise seen from outside; corner 4 i + 2 j + k
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = [(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]
+    return TriangleMesh(corners * size, np.array(faces, dtype=np.int32))
 
 
 def _origin(element: ET.Element) -> Array:

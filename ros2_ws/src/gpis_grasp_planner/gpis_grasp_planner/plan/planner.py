@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan.answer import Answer
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
@@ -37,13 +37,17 @@ class GraspPlanner:
     Parameters
     ----------
     settings : PlannerSettings, optional
-    hand : str
-        Name of the hand's model.
+        The hand is that of `settings.hand.model`.
+
+    Raises
+    ------
+    RequestError
+        If there is no such hand, or its files contradict each other.
     """
 
-    def __init__(self, settings: PlannerSettings | None = None, hand: str = DEFAULT_HAND):
+    def __init__(self, settings: PlannerSettings | None = None):
         self.settings = settings or PlannerSettings()
-        self.hand = load_hand(hand)
+        self.hand = load_hand(self.settings.hand.model)
         self._preparation = Preparation(self.settings)
 
     def prepare(self, part: Part, monitor: Monitor | None = None) -> PreparedObject:

@@ -9,6 +9,7 @@ from typing import Any
 from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.plan.store_settings import StoreSettings
 from gpis_grasp_planner.search.settings import (
     AdaptionSettings,
@@ -30,6 +31,7 @@ from gpis_grasp_planner.verification.settings import VerificationSettings
 class PlannerSettings:
     """The groups; a setting's full name is ``group.name``, as in the ROS parameters."""
 
+    hand: HandSettings = field(default_factory=HandSettings)
     scene: SceneSettings = field(default_factory=SceneSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     adaption: AdaptionSettings = field(default_factory=AdaptionSettings)

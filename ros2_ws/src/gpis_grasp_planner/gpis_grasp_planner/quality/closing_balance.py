@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 # end does not press [rad].
 _FREED_RAD = 0.02
 _AT_END_RAD = 0.01
+_NO_LINK = -1
 _CONE_EDGES = 8
 # How much more a bound of a drive counts than the equilibrium: bounds are kept to some percent of
 # what remains unbalanced.
@@ -75,7 +76,9 @@ class ClosingBalance:
         self._share = float(friction_share)
         self._press, self._hold = press_n / load_n, hold_n / load_n
         self._inner = np.array([finger.inner_link for finger in hand.fingers])
-        self._distal = np.array([finger.distal_link for finger in hand.fingers])
+        distal = np.array([finger.distal_link for finger in hand.fingers])
+        self._distal = np.where(hand.two_links, distal, _NO_LINK)
+        self._slides = hand.joint_slides[[finger.inner_joint for finger in hand.fingers]]
         self._arms = np.array([tip_arms(hand, number) for number in range(len(hand.fingers))])
 
     def imbalance(
@@ -107,10 +110,12 @@ class ClosingBalance:
         distal = joints[:, [finger.distal_joint for finger in hand.fingers]]
         inner_end = hand.joint_upper[[finger.inner_joint for finger in hand.fingers]]
         distal_end = hand.joint_upper[[finger.distal_joint for finger in hand.fingers]]
-        freed = distal > hand.drive.distal_per_inner * inner + _FREED_RAD
-        ended = np.where(freed, distal > distal_end - _AT_END_RAD, inner > inner_end - _AT_END_RAD)
-        axes = np.stack([hand.joint_axis[self._inner], hand.joint_axis[self._distal]], axis=1)
-        moving = np.stack([poses[:, self._inner], poses[:, self._distal]], axis=2)
+        freed = hand.two_links & (distal > hand.drive.distal_per_inner * inner + _FREED_RAD)
+        at_end = _AT_END_RAD * hand.closing_unit
+        ended = np.where(freed, distal > distal_end - at_end, inner > inner_end - at_end)
+        outermost = np.where(hand.two_links, self._distal, self._inner)
+        axes = np.stack([hand.joint_axis[self._inner], hand.joint_axis[outermost]], axis=1)
+        moving = np.stack([poses[:, self._inner], poses[:, outermost]], axis=2)
         imbalance_many(
             np.ascontiguousarray(np.einsum("bfjxy,fjy->bfjx", moving[..., :3, :3], axes)),
             np.ascontiguousarray(moving[..., :3, 3]),
@@ -119,6 +124,7 @@ class ClosingBalance:
             np.ascontiguousarray(ended),
             self._inner,
             self._distal,
+            self._slides,
             self._arms,
             self._press,
             self._hold,
@@ -136,7 +142,12 @@ class ClosingBalance:
 
 
 def tip_arms(hand: HandDescription, finger: int) -> tuple[float, float]:
-    """Distances [m] of a straight finger's tip from its inner and its distal joint."""
+    """Distances [m] of a straight finger's tip from its inner and its distal joint.
+
+    1 where the finger slides: the joint's effort is the force itself.
+    """
+    if hand.joint_slides[hand.fingers[finger].inner_joint]:
+        return 1.0, 1.0
     tip = hand.drive.tip_point
     T = hand.T_parent_joint[hand.fingers[finger].distal_link]
     return float(np.linalg.norm(T[:3, :3] @ tip + T[:3, 3])), float(np.linalg.norm(tip))
@@ -144,10 +155,13 @@ def tip_arms(hand: HandDescription, finger: int) -> tuple[float, float]:
 
 @njit
 def imbalance_many(  # type: ignore[no-untyped-def]
-    axes, origins, T_object_palm, freed, ended, inner, distal, arms, press, hold, share, center,
-    scale, n_contacts, positions, normals, friction, links, result,
+    axes, origins, T_object_palm, freed, ended, inner, distal, slides, arms, press, hold, share,
+    center, scale, n_contacts, positions, normals, friction, links, result,
 ):  # fmt: skip
-    """Imbalances of B hands with F fingers; axes and origins (B, F, 2, 3) of inner and distal."""
+    """Imbalances of B hands with F fingers; axes and origins (B, F, 2, 3) of inner and distal.
+
+    A finger of one link has -1 in `distal`, and that link in `inner`.
+    """
     n_fingers = len(inner)
     for row in range(len(result)):
         k = n_contacts[row]
@@ -192,6 +206,8 @@ def imbalance_many(  # type: ignore[no-untyped-def]
                 if finger >= 0:
                     for j in range(2 if is_distal else 1):
                         arm = np.cross(at - origins[row, finger, j], force)
+                        if slides[finger]:
+                            arm = force
                         value = np.sum(arm * axes[row, finger, j]) / arms[finger, j]
                         torque[2 * finger + j, column] = value
         rows = 6

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from gpis_grasp_planner.errors import GraspPlannerError, RequestError
+from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.ros.parameter_groups import parameter_groups, parameter_infos
 from gpis_grasp_planner.ros.settings import READ_ONLY, NodeSettings
 from gpis_grasp_planner.ros.text import printable
@@ -78,6 +79,13 @@ class NodeParameters:
     def group(self, name: str) -> SettingsGroup:
         """One group of settings at this moment."""
         return self._groups[name]
+
+    @property
+    def hand_model(self) -> str:
+        """The hand, a name or a file; it cannot change while the node runs."""
+        group = self._groups["hand"]
+        assert isinstance(group, HandSettings)
+        return group.model
 
     def uses_covariance(self) -> bool:
         """Whether covariances of poses are looked at, at this moment."""

@@ -52,7 +52,7 @@ class GraspPlannerNode(Node):
         catalogue = MeshCatalogue(directories)
         for name, reason in catalogue.refused():
             self.get_logger().warning(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
-        hand = load_hand()
+        hand = load_hand(self.parameters.hand_model)
         self.supervisor = WorkerSupervisor(
             self._work_limits, lambda text: self.get_logger().warning(text)
         )

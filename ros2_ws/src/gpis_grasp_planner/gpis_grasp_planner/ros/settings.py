@@ -300,4 +300,6 @@ class NodeSettings(SettingsGroup):
 
 
 # Fixed when the node starts: they shape its subscriptions, threads and catalogue.
-READ_ONLY = frozenset({"mesh_directories", "pose_type", "queue_size", "diagnostics_period_s"})
+READ_ONLY = frozenset(
+    {"mesh_directories", "pose_type", "queue_size", "diagnostics_period_s", "hand.model"}
+)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import itertools
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -19,7 +18,7 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
-from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.description import Finger, HandDescription
 from gpis_grasp_planner.hand.surface_points import SurfacePoints, surface_points
 from gpis_grasp_planner.packed_arrays import pack, unpack
 
@@ -31,12 +30,13 @@ _PROBE_PITCH = 0.002
 
 
 class HandArrays(NamedTuple):
-    """A hand of L links, P convex pieces, N surface points, F fingers, K probes a link.
+    """A hand of L links, P convex pieces, N surface points, F fingers of D links, K probes a link.
 
     `piece_*`, `point_*` and `probe*` are in the frame of their link. Probes are few points all
-    over a link's surface, for quick looks at the distance field. `probe_radius` is a probe's
-    distance from the axis of its own link's joint, `probe_inner_radius` that of a distal link's
-    probe from the finger's inner axis at most: their speeds per radian of joint motion.
+    over a link's surface, for quick looks at the distance field. `probe_reach` is how far a
+    finger link's probe is from the axis of each of its finger's joints at most, or 1 where that
+    joint slides: its speed per unit of the joint's motion. How a finger closes is a table
+    (`scene.closing`).
     """
 
     parent: Index  # (L,)
@@ -44,6 +44,7 @@ class HandArrays(NamedTuple):
     R_parent_joint: Array  # (L, 3, 3)
     t_parent_joint: Array  # (L, 3)
     axis: Array  # (L, 3)
+    slides: NDArray[np.bool_]  # (L,) the link's joint is prismatic
     piece_link: Index  # (P,)
     piece_start: Index  # (P + 1,)
     piece_vertices: Array  # (V, 3)
@@ -54,22 +55,20 @@ class HandArrays(NamedTuple):
     points: Array  # (N, 3)
     point_normals: Array  # (N, 3)
     probes: Array  # (L, K, 3)
-    probe_radius: Array  # (L, K)
-    probe_inner_radius: Array  # (L, K)
+    probe_reach: Array  # (L, K, D)
     link_cover: Array  # (L,) farthest place of the link's surface from its nearest probe
-    link_radius: Array  # (L,) largest distance of the link's points from its joint's axis
-    link_inner_radius: Array  # (L,) the same from the finger's inner axis, distal links only
+    link_reach: Array  # (L, D) the largest `probe_reach` that any point of the link has
     spread_joints: Index
-    inner_joint: Index  # (F,)
-    distal_joint: Index  # (F,)
-    inner_link: Index  # (F,)
-    distal_link: Index  # (F,)
+    finger_joint: Index  # (F, D)
+    finger_link: Index  # (F, D)
+    finger_upper: Array  # (F, D) the joints' upper limits; a coupled finger's twice that
+    finger_unit: Array  # (F,) what counts as 1 rad of the closing, `HandDescription.closing_unit`
+    closing_ratio: Array  # (D, D) [h, k]: joint k's motion per joint h's while the first h are held
+    coupled: bool  # the fingers move together, by one motor
     open_links: Index  # links that the fingers' closing does not move
     link_is_palm: NDArray[np.bool_]  # (L,) friction group
+    link_is_pad: NDArray[np.bool_]  # (L,) touches with a flat patch (`scene.touch`)
     link_finger: Index  # (L,) finger that moves the link by closing, or -1
-    ratio: float  # distal per inner before breakaway
-    inner_upper: float
-    distal_upper: float
     n_joints: int
 
 
@@ -96,7 +95,7 @@ def hand_arrays(hand: HandDescription) -> HandArrays:
 
     The arrays are shared; do not write to them.
     """
-    name = f"hand-{hand.name}-{hand_key(hand, 'scene/arrays.py')}.arrays"
+    name = f"hand-{hand.yaml_path.stem}-{hand_key(hand, 'scene/arrays.py')}.arrays"
     for content in contents(name):
         with contextlib.suppress(ValueError):  # damaged: made and written anew
             return _unpacked(unpack(bytearray(content)))
@@ -116,7 +115,7 @@ def kept_surface_points(hand: HandDescription) -> SurfacePoints:
 def hand_key(hand: HandDescription, *sources: str) -> str:
     """Hash of the hand's files and of the code that makes something of them."""
     digest = hashlib.sha256(code_version("geometry", "hand", *sources).encode())
-    for path in sorted(p for p in hand.urdf_path.parent.rglob("*") if p.is_file()):
+    for path in hand.files:
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -145,28 +144,26 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
     axis = np.asarray(hand.joint_axis, dtype=float)
     probes, link_cover = _probes_of(hand)
     link_finger = np.full(n_links, -1, dtype=np.int64)
-    inner_offset = np.full(n_links, -np.inf)
+    n_of_finger = len(hand.fingers[0].links)
+    probe_reach = np.zeros((n_links, probes.shape[1], n_of_finger))
+    link_reach = np.zeros((n_links, n_of_finger))
     for index, finger in enumerate(hand.fingers):
-        link_finger[finger.inner_link] = index
-        link_finger[finger.distal_link] = index
-        offset = np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3])
-        inner_offset[finger.distal_link] = offset
-    probe_radius = np.linalg.norm(np.cross(axis[:, None], probes), axis=2)
-    probe_inner_radius = np.maximum(inner_offset[:, None] + np.linalg.norm(probes, axis=2), 0.0)
-    link_radius, link_inner_radius = np.zeros(n_links), np.zeros(n_links)
-    for link, (a, b) in enumerate(itertools.pairwise(point_start)):
-        own = np.linalg.norm(np.cross(axis[link], points[a:b]), axis=1)
-        inner = inner_offset[link] + np.linalg.norm(points[a:b], axis=1)
-        # A little more than the largest sample: vertices are samples, arcs between them are not.
-        link_radius[link] = 1.02 * own.max()
-        link_inner_radius[link] = 1.02 * max(inner.max(), 0.0)
-    finger = hand.fingers[0]
+        for k, link in enumerate(finger.links):
+            link_finger[link] = index
+            a, b = point_start[link : link + 2]
+            for j in range(k + 1):
+                probe_reach[link, :, j] = _reach(hand, finger, j, k, probes[link])
+                # A little more than the largest sample: vertices are samples, arcs between are not.
+                link_reach[link, j] = 1.02 * _reach(hand, finger, j, k, points[a:b]).max()
     return HandArrays(
         parent=np.asarray(hand.link_parent, dtype=np.int64),
         joint=np.asarray(hand.link_joint, dtype=np.int64),
         R_parent_joint=np.ascontiguousarray(hand.T_parent_joint[:, :3, :3]),
         t_parent_joint=np.ascontiguousarray(hand.T_parent_joint[:, :3, 3]),
         axis=np.ascontiguousarray(axis),
+        slides=np.array(
+            [joint >= 0 and bool(hand.joint_slides[joint]) for joint in hand.link_joint]
+        ),
         piece_link=np.array(piece_link, dtype=np.int64),
         piece_start=np.cumsum([0] + [len(v) for v in vertices]).astype(np.int64),
         piece_vertices=np.concatenate(vertices),
@@ -177,24 +174,24 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
         points=points,
         point_normals=np.array(samples.normals_outward),
         probes=probes,
-        probe_radius=probe_radius,
-        probe_inner_radius=probe_inner_radius,
+        probe_reach=probe_reach,
         link_cover=link_cover,
-        link_radius=link_radius,
-        link_inner_radius=link_inner_radius,
+        link_reach=link_reach,
         spread_joints=np.array(
             [f.spread_joint for f in hand.fingers if f.spread_joint >= 0], dtype=np.int64
         ),
-        inner_joint=np.array([f.inner_joint for f in hand.fingers], dtype=np.int64),
-        distal_joint=np.array([f.distal_joint for f in hand.fingers], dtype=np.int64),
-        inner_link=np.array([f.inner_link for f in hand.fingers], dtype=np.int64),
-        distal_link=np.array([f.distal_link for f in hand.fingers], dtype=np.int64),
+        finger_joint=np.array([f.joints for f in hand.fingers], dtype=np.int64),
+        finger_link=np.array([f.links for f in hand.fingers], dtype=np.int64),
+        # The jaws that are brought together share their ways: one may first go that of both.
+        finger_upper=np.array([hand.joint_upper[list(f.joints)] for f in hand.fingers])
+        * (2.0 if hand.drive.coupled else 1.0),
+        finger_unit=np.array(hand.closing_unit),
+        closing_ratio=closing_ratio(hand),
+        coupled=bool(hand.drive.coupled),
         open_links=np.flatnonzero(link_finger < 0).astype(np.int64),
         link_is_palm=np.array([group == "palm" for group in hand.link_friction_group]),
+        link_is_pad=np.logical_and(link_finger >= 0, hand.contact_patches),
         link_finger=link_finger,
-        ratio=float(hand.drive.distal_per_inner),
-        inner_upper=float(hand.joint_upper[finger.inner_joint]),
-        distal_upper=float(hand.joint_upper[finger.distal_joint]),
         n_joints=hand.n_joints,
     )
 
@@ -217,6 +214,29 @@ def object_arrays(
         friction_finger=float(friction.finger),
         friction_palm=float(friction.palm),
     )
+
+
+def closing_ratio(hand: HandDescription) -> Array:
+    """How a finger's D joints move while its first h links are held, (D, D).
+
+    Row h: each joint's motion per motion of joint h, the first that is free; the joints before it
+    are at rest. Before its breakaway a Barrett finger has (1, 1/3), after it the distal joint moves
+    alone. A link that touches is held, with all before it.
+    """
+    table = np.eye(len(hand.fingers[0].links))
+    table[0, 1:] = hand.drive.distal_per_inner
+    return table
+
+
+def _reach(hand: HandDescription, finger: Finger, j: int, k: int, points: Array) -> Array:
+    """Speed (n,) of points (n, 3) of a finger's link k per motion of its joint j, at most."""
+    link = finger.links[j]
+    if hand.joint_slides[finger.joints[j]]:
+        return np.ones(len(points))
+    if j == k:
+        return np.asarray(np.linalg.norm(np.cross(hand.joint_axis[link], points), axis=1))
+    offsets = [np.linalg.norm(hand.T_parent_joint[i][:3, 3]) for i in finger.links[j + 1 : k + 1]]
+    return np.asarray(sum(offsets) + np.linalg.norm(points, axis=1))
 
 
 def _probes_of(hand: HandDescription) -> tuple[Array, Array]:

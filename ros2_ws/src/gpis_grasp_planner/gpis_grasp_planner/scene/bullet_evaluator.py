@@ -8,7 +8,7 @@ finished grasps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -22,9 +22,10 @@ from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.grasp.funnel import Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
-from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
+from gpis_grasp_planner.scene.bullet_closing import BulletClosing
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 from gpis_grasp_planner.scene.confirmation import Confirmation
 
@@ -33,8 +34,6 @@ Array = NDArray[np.float64]
 MAX_CONTACTS = 24
 _PER_LINK = 5
 _APART_M = 0.0015
-_REACH_M = 0.01
-_BISECTED = 1e-6
 _RETREAT_STEPS = 6
 _RETREAT_DEPTH_M = 5e-4
 _CLAIM_TOLERANCE_M = 5e-5
@@ -67,9 +66,7 @@ class BulletEvaluator:
         self.friction = friction
         self.settings = settings
         self.world = BulletWorld.of_part(hand, part, field, tree)
-        self._moving = [link for f in hand.fingers for link in (f.inner_link, f.distal_link)]
-        self._fixed = [link for link in range(hand.n_links) if link not in self._moving]
-        self._radius, self._inner_radius = _radii(hand)
+        self._closing = BulletClosing(hand, self.world, settings.closing_gap_m)
         self._n_attempts = 0
         self.tally = Tally()
 
@@ -107,7 +104,9 @@ class BulletEvaluator:
             volume=np.zeros(n),
         )
         for row in range(n):
-            status, joints, contacts, quality = self._attempt(T_object_palm[row], spread[row])
+            status, joints, contacts, quality = self._attempt(
+                result.T_object_palm[row], spread[row]
+            )
             k = len(contacts)
             result.status[row] = status
             result.joints[row] = joints
@@ -169,8 +168,17 @@ class BulletEvaluator:
         world.set_joints(joints)
         if world.hand_gap(settings.contact_threshold_m) <= 0.0:
             return (AttemptStatus.PALM_COLLISION, joints, *nothing)
-        touched = [self._close(finger, joints) for finger in self.hand.fingers]
-        if self._fingers_meet(joints, touched):
+        closing = self._closing
+        touched = [closing.close(finger, joints) for finger in self.hand.fingers]
+        if self.hand.drive.coupled:
+            if not all(touched):
+                return (AttemptStatus.TOO_FEW_CONTACTS, joints, *nothing)
+            closing.centre(T, joints)
+            for posture in (self._open(spread), joints):
+                world.set_joints(posture)
+                if world.hand_gap(settings.contact_threshold_m) <= 0.0:
+                    return (AttemptStatus.PALM_COLLISION, joints, *nothing)
+        if closing.fingers_meet(joints, touched):
             return (AttemptStatus.SELF_COLLISION, joints, *nothing)
         contacts = self._contacts() if any(touched) else Contacts.none()
         if len(contacts) < 2:
@@ -181,61 +189,6 @@ class BulletEvaluator:
         if quality.epsilon > 0.0 and not self._way_back(T, spread):
             return AttemptStatus.NO_WAY_BACK, joints, contacts, nothing[1]
         return AttemptStatus.GRASPED, joints, contacts, quality
-
-    def _close(self, finger: Finger, joints: Array) -> bool:
-        """Close one finger: coupled until a link touches, then the distal link alone."""
-        hand, world, gap = self.hand, self.world, self.settings.closing_gap_m
-        ratio = hand.drive.distal_per_inner
-        inner_upper = float(hand.joint_upper[finger.inner_joint])
-        distal_upper = float(hand.joint_upper[finger.distal_joint])
-
-        def gaps_coupled(angle: float) -> tuple[float, float]:
-            world.set_joint(finger.inner_joint, angle)
-            world.set_joint(finger.distal_joint, min(ratio * angle, distal_upper))
-            return world.gap(finger.inner_link, _REACH_M), world.gap(finger.distal_link, _REACH_M)
-
-        def gaps_distal(angle: float) -> tuple[float]:
-            world.set_joint(finger.distal_joint, angle)
-            return (world.gap(finger.distal_link, _REACH_M),)
-
-        own = self._radius[finger.distal_link]
-        speeds = (
-            self._radius[finger.inner_link],
-            self._inner_radius[finger.distal_link] + ratio * own,
-        )
-        inner, which = _advance(gaps_coupled, joints[finger.inner_joint], inner_upper, speeds, gap)
-        distal = min(ratio * inner, distal_upper)
-        touched = which is not None
-        if which == 0:
-            distal, _ = _advance(gaps_distal, distal, distal_upper, (own,), gap)
-        joints[finger.inner_joint] = inner
-        joints[finger.distal_joint] = distal
-        world.set_joint(finger.inner_joint, inner)
-        world.set_joint(finger.distal_joint, distal)
-        return touched
-
-    def _fingers_meet(self, joints: Array, touched: Sequence[bool]) -> bool:
-        """Whether a finger that touches the object meets another; free ones open to let it pass."""
-        hand, world = self.hand, self.world
-        for finger, touches in zip(hand.fingers, touched, strict=True):
-            while not touches and joints[finger.inner_joint] > 0.0 and self._meets(finger, 1e-4):
-                inner = max(joints[finger.inner_joint] - 0.05, 0.0)
-                joints[finger.inner_joint] = inner
-                joints[finger.distal_joint] = hand.drive.distal_per_inner * inner
-                world.set_joint(finger.inner_joint, inner)
-                world.set_joint(finger.distal_joint, joints[finger.distal_joint])
-        return any(
-            touches and self._meets(finger, 1e-5)
-            for finger, touches in zip(hand.fingers, touched, strict=True)
-        )
-
-    def _meets(self, finger: Finger, limit: float) -> bool:
-        own = {finger.inner_link, finger.distal_link, finger.knuckle_link}
-        for link in (finger.inner_link, finger.distal_link):
-            others = self._moving if link == finger.inner_link else range(self.hand.n_links)
-            if any(self.world.links_near(link, o, limit) for o in others if o not in own):
-                return True
-        return False
 
     def _contacts(self) -> Contacts:
         positions, normals, links = [], [], []
@@ -304,49 +257,6 @@ class BulletEvaluator:
         return world.hand_gap(settings.lambda_step_m) > 0.0
 
 
-def _advance(
-    gaps: Callable[[float], tuple[float, ...]],
-    start: float,
-    end: float,
-    speeds: tuple[float, ...],
-    gap: float,
-) -> tuple[float, int | None]:
-    """Turn from `start` [rad] until a link is within two gaps of the object.
-
-    `gaps(angle)` moves the links and gives their distances [m] (at most the reach, negative in
-    penetration); no point of link i is faster than `speeds[i]` [m/rad]. Steps are safe by the
-    speeds, lengthened by the slope of the last two distances, and halved back from an overlap.
-
-    Returns
-    -------
-    angle : float
-    touching : int or None
-        Index of the touching link; None at the end of the travel.
-    """
-    free, angle = start, start
-    before: tuple[float, ...] | None = None
-    while True:
-        now = gaps(angle)
-        if min(now) <= 0.0:
-            if angle - free < _BISECTED:
-                gaps(free)
-                return free, int(np.argmin(now))
-            angle, before = 0.5 * (free + angle), None
-            continue
-        if min(now) < 2.0 * gap:
-            return angle, int(np.argmin(now))
-        if angle >= end:
-            return end, None
-        steps = []
-        for i, d in enumerate(now):
-            step = (d - gap) / speeds[i]
-            if before is not None and d < before[i] < _REACH_M:
-                step = max(step, 0.95 * (d - gap) * (angle - free) / (before[i] - d))
-            steps.append(step)
-        free, before = angle, now
-        angle = min(angle + max(min(steps), _BISECTED), end)
-
-
 def _well_apart(points: Array, normals: Array) -> list[int]:
     """Up to five of the points (nearest first): the first, then always the farthest apart."""
     if len(points) == 0:
@@ -363,15 +273,3 @@ def _well_apart(points: Array, normals: Array) -> list[int]:
             break
         chosen.append(best)
     return chosen
-
-
-def _radii(hand: HandDescription) -> tuple[Array, Array]:
-    """Largest distance of a link's points from its own axis and from its finger's inner axis."""
-    own = np.zeros(hand.n_links)
-    inner = np.zeros(hand.n_links)
-    for link, pieces in enumerate(hand.link_collision):
-        points = np.concatenate([piece.vertices for piece in pieces])
-        own[link] = np.linalg.norm(np.cross(hand.joint_axis[link], points), axis=1).max()
-        offset = np.linalg.norm(hand.T_parent_joint[link][:3, 3])
-        inner[link] = offset + np.linalg.norm(points, axis=1).max()
-    return own, inner

@@ -1,12 +1,17 @@
-"""AutoGrasp, compiled: the fingers close until contact, with coupling and breakaway.
+"""AutoGrasp, compiled: the fingers close until contact, each by its closing table.
 
-Every finger closes at its own until a link touches. An inner link that touches is freed and
-holds (the TorqueSwitch breakaway) while the distal link goes on at 4/3 of the inner link's rate;
-a distal link that touches stops its finger. Far away the distance field at some probes on
-the links says how far they may go, and where a thin feature of the object could be between the
-probes an exact test follows every step; near contact steps come from the exact distance and the
-largest speed of the link's points. The closing ends with a gap of some hundredths of a millimetre
-at most, never in penetration: an overlap that a step runs into is taken back.
+Every finger closes at its own until a link touches. By its table (`HandArrays.closing_ratio`) the
+links from there inwards are held while those outwards of it go on; its outermost link that touches
+stops the finger. For the Barrett that is the TorqueSwitch breakaway: an inner link that touches is
+freed and holds while the distal link goes on. A finger that slides has one link, and its way in
+metres counts by `HandArrays.finger_unit`. The fingers of a coupled hand are brought to one position
+afterwards (`scene.centring`).
+
+Far away the distance field at some probes on the links says how far they may go, and where a thin
+feature of the object could be between the probes an exact test follows every step; near contact
+steps come from the exact distance and the largest speed of the link's points. The closing ends with
+a gap of some hundredths of a millimetre at most, never in penetration: an overlap that a step runs
+into is taken back.
 
 The simulator that the paper used closes in steps of 0.01 rad instead; the result is the same
 contact, nearer to its threshold.
@@ -37,14 +42,17 @@ _UNWATCHED = 0.08
 
 
 @njit
-def _place_finger(hand, finger, inner, distal, R, t):  # type: ignore[no-untyped-def]
-    place_link(hand, hand.inner_link[finger], inner, R, t)
-    place_link(hand, hand.distal_link[finger], distal, R, t)
+def _move_finger(hand, finger, held, s, base, q, R, t):  # type: ignore[no-untyped-def]
+    """Put the finger's free joints where they are with the first of them at `s`, into q (D,)."""
+    for k in range(held, hand.finger_link.shape[1]):
+        moved = base[k] + hand.closing_ratio[held, k] * s
+        q[k] = min(moved, hand.finger_upper[finger, k])
+        place_link(hand, hand.finger_link[finger, k], q[k], R, t)
 
 
 @njit
-def _step(d, before, moved, gap, speed):  # type: ignore[no-untyped-def]
-    """Next motor step [rad] towards a gap: surely safe, or by the slope of the last two gaps.
+def _step(d, before, moved, gap, speed, unit):  # type: ignore[no-untyped-def]
+    """Next step towards a gap: surely safe, or by the slope of the last two gaps.
 
     The touching point is often much slower than the link's fastest one; the slope knows. A step
     that overshoots is seen by the next exact distance and taken back.
@@ -52,127 +60,94 @@ def _step(d, before, moved, gap, speed):  # type: ignore[no-untyped-def]
     step = (d - gap) / speed
     if before < _NEAR and d < before and moved > 0.0:
         step = max(step, 0.95 * (d - gap) * moved / (before - d))
-    return min(step, 0.05)
+    return min(step, 0.05 * unit)
 
 
 @njit
-def _back(free, angle):  # type: ignore[no-untyped-def]
+def _back(free, angle, unit):  # type: ignore[no-untyped-def]
     """Where to try after an overlap: halfway to the last free angle, 0.03 rad at most."""
-    return max(0.5 * (free + angle), angle - 0.03)
+    return max(0.5 * (free + angle), angle - 0.03 * unit)
 
 
 @njit
-def _advance_both(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no-untyped-def]
-    """Close with the coupling from `start` until a link touches.
+def _advance(hand, obj, finger, held, start, base, q, gap, R, t, work):  # type: ignore[no-untyped-def]
+    """Move the finger's joints after the first `held` from `start` until a link touches.
 
-    Returns (inner angle, 1 inner link touched | 2 distal link touched | 0 end of the motor).
+    Returns (position of the first free joint, index of the touching link or -1 at its end).
     """
-    inner_link = hand.inner_link[finger]
-    distal_link = hand.distal_link[finger]
-    ratio = hand.ratio
+    n = hand.finger_link.shape[1]
+    unit = hand.finger_unit[finger]
+    end = hand.finger_upper[finger, held]
+    d = np.empty(n)
+    before = np.empty(n)
     angle = free = start
     for _ in range(_COARSE_STEPS):
-        _place_finger(hand, finger, angle, min(ratio * angle, hand.distal_upper), R, t)
-        step_inner, d_inner = coarse_step(hand, obj, inner_link, R, t, _COARSE_CLEARANCE, 0.0, 1.0)
-        step_distal, d_distal = coarse_step(
-            hand, obj, distal_link, R, t, _COARSE_CLEARANCE, 1.0, ratio
-        )
-        step = min(step_inner, step_distal)
-        if step < 0.002:
+        _move_finger(hand, finger, held, angle, base, q, R, t)
+        step = np.inf
+        watched = False
+        for k in range(held, n):
+            way, d[k] = coarse_step(hand, obj, finger, k, R, t, _COARSE_CLEARANCE, held)
+            step = min(step, way)
+        if step < 0.002 * unit:
             break
-        watch_inner = surely_free(hand, obj, inner_link, d_inner) <= 0.0
-        watch_distal = surely_free(hand, obj, distal_link, d_distal) <= 0.0
-        at_end = angle >= hand.inner_upper
-        if watch_inner or watch_distal:
-            if at_end or angle - free > _UNWATCHED:
-                if watch_inner and overlaps(hand, obj, inner_link, R, t, work):
-                    break
-                if watch_distal and overlaps(hand, obj, distal_link, R, t, work):
+        for k in range(held, n):
+            if surely_free(hand, obj, hand.finger_link[finger, k], d[k]) <= 0.0:
+                watched = True
+        at_end = angle >= end
+        if watched:
+            if at_end or angle - free > _UNWATCHED * unit:
+                overlap = False
+                for k in range(held, n):
+                    link = hand.finger_link[finger, k]
+                    if surely_free(hand, obj, link, d[k]) <= 0.0:
+                        overlap = overlap or overlaps(hand, obj, link, R, t, work)
+                if overlap:
                     break
                 free = angle
-            step = min(step, _WATCHED_STEP)
+            step = min(step, _WATCHED_STEP * unit)
         else:
             free = angle
         if at_end:
-            return hand.inner_upper, 0
-        angle = min(angle + step, hand.inner_upper)
-    speed_inner = hand.link_radius[inner_link]
-    speed_distal = hand.link_inner_radius[distal_link] + ratio * hand.link_radius[distal_link]
-    before_inner = before_distal = _NEAR
+            return end, -1
+        angle = min(angle + step, end)
+    before[:] = _NEAR
     for _ in range(_EXACT_STEPS):
-        _place_finger(hand, finger, angle, min(ratio * angle, hand.distal_upper), R, t)
-        d_inner = exact_gap(hand, obj, inner_link, R, t, _NEAR, work)
-        d_distal = exact_gap(hand, obj, distal_link, R, t, _NEAR, work)
-        if d_inner <= 0.0 or d_distal <= 0.0:
+        _move_finger(hand, finger, held, angle, base, q, R, t)
+        for k in range(held, n):
+            d[k] = exact_gap(hand, obj, hand.finger_link[finger, k], R, t, _NEAR, work)
+        touching = -1
+        for k in range(n - 1, held - 1, -1):
+            if d[k] <= 0.0:
+                touching = k
+        if touching >= 0:
             # the field missed a feature between the samples: go back and come again
-            overlap = 1 if d_inner <= 0.0 else 2
-            angle = _back(free, angle)
-            if angle - free < 1e-5:
-                _place_finger(hand, finger, free, min(ratio * free, hand.distal_upper), R, t)
-                return free, overlap
-            before_inner = before_distal = _NEAR
+            angle = _back(free, angle, unit)
+            if angle - free < 1e-5 * unit:
+                _move_finger(hand, finger, held, free, base, q, R, t)
+                return free, touching
+            before[:] = _NEAR
             continue
-        if d_inner < 2.0 * gap:
-            return angle, 1
-        if d_distal < 2.0 * gap:
-            return angle, 2
-        if angle >= hand.inner_upper:
-            return hand.inner_upper, 0
-        step = min(
-            _step(d_inner, before_inner, angle - free, gap, speed_inner),
-            _step(d_distal, before_distal, angle - free, gap, speed_distal),
-        )
+        for k in range(held, n):
+            if d[k] < 2.0 * gap:
+                return angle, k
+        if angle >= end:
+            return end, -1
+        step = np.inf
+        for k in range(held, n):
+            speed = 0.0
+            for j in range(held, k + 1):
+                reach = hand.link_reach[hand.finger_link[finger, k], j]
+                speed += hand.closing_ratio[held, j] * reach
+            step = min(step, _step(d[k], before[k], angle - free, gap, speed, unit))
         free = angle
-        before_inner = d_inner
-        before_distal = d_distal
-        angle = min(angle + step, hand.inner_upper)
-    _place_finger(hand, finger, free, min(ratio * free, hand.distal_upper), R, t)
-    return free, (1 if d_inner < d_distal else 2)
-
-
-@njit
-def _advance_distal(hand, obj, finger, start, gap, R, t, work):  # type: ignore[no-untyped-def]
-    """Close the distal link alone; returns (distal angle, whether it touched)."""
-    link = hand.distal_link[finger]
-    angle = free = start
-    for _ in range(_COARSE_STEPS):
-        place_link(hand, link, angle, R, t)
-        step, d = coarse_step(hand, obj, link, R, t, _COARSE_CLEARANCE, 0.0, 1.0)
-        if step < 0.002:
-            break
-        at_end = angle >= hand.distal_upper
-        if surely_free(hand, obj, link, d) <= 0.0:
-            if at_end or angle - free > _UNWATCHED:
-                if overlaps(hand, obj, link, R, t, work):
-                    break
-                free = angle
-            step = min(step, _WATCHED_STEP)
-        else:
-            free = angle
-        if at_end:
-            return hand.distal_upper, False
-        angle = min(angle + step, hand.distal_upper)
-    speed = hand.link_radius[link]
-    before = _NEAR
-    for _ in range(_EXACT_STEPS):
-        place_link(hand, link, angle, R, t)
-        d = exact_gap(hand, obj, link, R, t, _NEAR, work)
-        if d <= 0.0:
-            angle = _back(free, angle)
-            if angle - free < 1e-5:
-                break
-            before = _NEAR
-            continue
-        if d < 2.0 * gap:
-            return angle, True
-        if angle >= hand.distal_upper:
-            return hand.distal_upper, False
-        step = _step(d, before, angle - free, gap, speed)
-        free = angle
-        before = d
-        angle = min(angle + step, hand.distal_upper)
-    place_link(hand, link, free, R, t)
-    return free, exact_gap(hand, obj, link, R, t, _NEAR, work) < 4.0 * gap
+        before[:] = d
+        angle = min(angle + step, end)
+    _move_finger(hand, finger, held, free, base, q, R, t)
+    nearest = held
+    for k in range(held + 1, n):
+        if d[k] <= d[nearest]:
+            nearest = k
+    return free, nearest
 
 
 @njit
@@ -182,29 +157,39 @@ def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-un
     Returns the number of fingers that touch the object, or -1 where a finger that touches it
     runs into another one. A finger that finds nothing closes to its end, but not into the hand.
     """
-    n_fingers = hand.inner_joint.shape[0]
+    n_fingers, n = hand.finger_link.shape
     touching = 0
     touched = np.zeros(n_fingers, dtype=np.bool_)
+    q = np.empty(n)
+    base = np.empty(n)
     for finger in range(n_fingers):
-        start = joints[hand.inner_joint[finger]]
-        inner, what = _advance_both(hand, obj, finger, start, gap, R, t, work)
-        distal = min(hand.ratio * inner, hand.distal_upper)
-        if what == 1:
-            distal, _ = _advance_distal(hand, obj, finger, distal, gap, R, t, work)
-        touched[finger] = what > 0
-        touching += what > 0
-        joints[hand.inner_joint[finger]] = inner
-        joints[hand.distal_joint[finger]] = distal
-        _place_finger(hand, finger, inner, distal, R, t)
+        base[:] = 0.0
+        held = 0
+        s = joints[hand.finger_joint[finger, 0]]
+        while held < n:
+            s, link = _advance(hand, obj, finger, held, s, base, q, gap, R, t, work)
+            _move_finger(hand, finger, held, s, base, q, R, t)
+            touched[finger] = touched[finger] or link >= 0
+            if link < 0:
+                break
+            held = link + 1
+            if held < n:
+                s = q[held]
+                for k in range(held, n):
+                    base[k] = q[k] - hand.closing_ratio[held, k] * s
+        touching += touched[finger]
+        for k in range(n):
+            joints[hand.finger_joint[finger, k]] = q[k]
     for finger in range(n_fingers):
         if touched[finger]:
             continue
+        base[:] = 0.0
         while finger_meets_hand(hand, finger, R, t, 1e-4, work, other):
-            inner = max(joints[hand.inner_joint[finger]] - 0.05, 0.0)
-            joints[hand.inner_joint[finger]] = inner
-            joints[hand.distal_joint[finger]] = min(hand.ratio * inner, hand.distal_upper)
-            _place_finger(hand, finger, inner, joints[hand.distal_joint[finger]], R, t)
-            if inner <= 0.0:
+            s = max(joints[hand.finger_joint[finger, 0]] - 0.05 * hand.finger_unit[finger], 0.0)
+            _move_finger(hand, finger, 0, s, base, q, R, t)
+            for k in range(n):
+                joints[hand.finger_joint[finger, k]] = q[k]
+            if s <= 0.0:
                 break
     for finger in range(n_fingers):
         if touched[finger] and finger_meets_hand(hand, finger, R, t, 1e-5, work, other):

@@ -87,7 +87,7 @@ class CompiledEvaluator:
 
     def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
-        T = np.ascontiguousarray(T_object_palm, dtype=float)
+        T = self._own(T_object_palm)
         spread = np.ascontiguousarray(spread, dtype=float)
         result = self._attempts(T, spread)
         attempt_many(self._hand, self._object, T, spread, *self._measures(result))
@@ -138,9 +138,11 @@ class CompiledEvaluator:
 
     def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]; see the protocol."""
-        T = np.ascontiguousarray(T_object_palm, dtype=float)
+        T = self._own(T_object_palm)
         start = np.ascontiguousarray(joints, dtype=float)
-        result = self._attempts(T, start[:, self._hand.spread_joints].mean(axis=1), start)
+        spreading = self._hand.spread_joints
+        spread = start[:, spreading].mean(axis=1) if len(spreading) else np.zeros(len(start))
+        result = self._attempts(T, spread, start)
         attempt_many_from(self._hand, self._object, T, start, True, *self._measures(result))
         self._n_attempts += len(T)
         return result
@@ -179,6 +181,12 @@ class CompiledEvaluator:
         )
         self._n_states += len(energy)
         return energy
+
+    def _own(self, T_object_palm: Array) -> Array:
+        """Poses for the kernel; a coupled hand's are moved there, and must not be the caller's."""
+        if self._hand.coupled:
+            return np.array(T_object_palm, dtype=float, order="C")
+        return np.ascontiguousarray(T_object_palm, dtype=float)
 
     def _attempts(self, T: Array, spread: Array, start: Array | None = None) -> Attempts:
         """Arrays for the kernel to fill."""

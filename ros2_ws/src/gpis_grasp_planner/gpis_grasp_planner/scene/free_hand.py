@@ -13,7 +13,7 @@ _LIMIT = 1e-4
 @njit
 def hand_meets_itself(hand, R, t, work, other):  # type: ignore[no-untyped-def]
     """Whether a finger overlaps another one or the palm."""
-    for finger in range(hand.inner_joint.shape[0]):
+    for finger in range(hand.finger_link.shape[0]):
         if finger_meets_hand(hand, finger, R, t, _OVERLAP, work, other):
             return True
     return False

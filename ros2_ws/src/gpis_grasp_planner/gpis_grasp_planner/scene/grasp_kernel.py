@@ -7,6 +7,7 @@ import numpy as np
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
+from gpis_grasp_planner.scene.centring import centre_hand
 from gpis_grasp_planner.scene.closing import close_hand
 from gpis_grasp_planner.scene.free_hand import hand_meets_itself
 from gpis_grasp_planner.scene.palm import clear_palm, hand_gap, retreat_is_free
@@ -63,8 +64,8 @@ def attempt_from(
 ):  # type: ignore[no-untyped-def]  # fmt: skip
     """Close the hand from posture `start` at palm pose T and measure.
 
-    With `check_start` the fingers must not meet each other in it, either. Returns (status,
-    contacts, epsilon, volume).
+    With `check_start` the fingers must not meet each other in it, either. The palm of a coupled
+    hand is moved in T (`scene.centring`). Returns (status, contacts, epsilon, volume).
     """
     joints[:] = start
     place_hand(hand, joints, T, R, t)
@@ -77,6 +78,11 @@ def attempt_from(
         return SELF_COLLISION, 0, -1.0, 0.0
     if touching == 0:
         return TOO_FEW_CONTACTS, 0, -1.0, 0.0
+    if hand.coupled:
+        if touching < hand.finger_link.shape[0]:
+            return TOO_FEW_CONTACTS, 0, -1.0, 0.0
+        if not centre_hand(hand, obj, T, start, joints, threshold, R, t, work):
+            return PALM_COLLISION, 0, -1.0, 0.0
     k = collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links)
     if k < 2:
         return TOO_FEW_CONTACTS, k, -1.0, 0.0

@@ -1,10 +1,10 @@
 """Postures for given motor angles, compiled: what ADMM-CP-Opt optimises over.
 
-The hand is under-actuated. For a palm pose, a spread and one angle per finger motor the inner
-link goes where its motor takes it, or stops where it touches the object and is freed; the distal
-link follows the coupling before that and goes on by itself after it. The distal link alone is not
-stopped: whether its contact point lies on, off or in the surface is the constraint that the
-optimisation has to satisfy.
+A hand like the Barrett is under-actuated. For a palm pose, a spread and one angle per finger motor
+the inner link goes where its motor takes it, or stops where it touches the object and is freed; the
+distal link follows the coupling before that and goes on by itself after it. The distal link alone
+is not stopped: whether its contact point lies on, off or in the surface is the constraint that the
+optimisation has to satisfy. The one link of a finger without a distal one is an inner link.
 """
 
 from __future__ import annotations
@@ -31,19 +31,20 @@ _UNWATCHED = 0.08
 @njit
 def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-untyped-def]
     """Angle at which the inner link stops on its way to `motor`, and whether it touches."""
-    link = hand.inner_link[finger]
+    link = hand.finger_link[finger, 0]
+    unit = hand.finger_unit[finger]
     angle = free = 0.0
     for _ in range(60):
         place_link(hand, link, angle, R, t)
-        step, d = coarse_step(hand, obj, link, R, t, _CLEARANCE, 0.0, 1.0)
-        if step < 0.002:
+        step, d = coarse_step(hand, obj, finger, 0, R, t, _CLEARANCE, 0)
+        if step < 0.002 * unit:
             break
         if surely_free(hand, obj, link, d) <= 0.0:
-            if angle - free > _UNWATCHED:
+            if angle - free > _UNWATCHED * unit:
                 if overlaps(hand, obj, link, R, t, work):
                     break
                 free = angle
-            step = min(step, _WATCHED_STEP)
+            step = min(step, _WATCHED_STEP * unit)
         else:
             free = angle
         if angle >= motor:
@@ -53,7 +54,7 @@ def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-
         place_link(hand, link, angle, R, t)
         d = exact_gap(hand, obj, link, R, t, _NEAR, work)
         if d <= 0.0:
-            if angle - free < 1e-4:
+            if angle - free < 1e-4 * unit:
                 break
             angle = 0.5 * (free + angle)
             continue
@@ -62,7 +63,7 @@ def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-
             return free, True
         if free >= motor:
             return motor, False
-        angle = min(motor, angle + (d - gap) / hand.link_radius[link])
+        angle = min(motor, angle + (d - gap) / hand.link_reach[link, 0])
     place_link(hand, link, free, R, t)
     return free, exact_gap(hand, obj, link, R, t, _NEAR, work) < 1e-3
 
@@ -95,7 +96,7 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
     link nearest to the object, and inner_touches (B, F).
     """
     n_links = hand.parent.shape[0]
-    n_fingers = hand.inner_joint.shape[0]
+    n_fingers, n_links_each = hand.finger_link.shape
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
     work = np.empty((512, 3))
@@ -108,13 +109,16 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
         for finger in range(n_fingers):
             motor = motors[b, 1 + finger]
             inner, touches = _close_inner(
-                hand, obj, finger, min(motor, hand.inner_upper), gap, R, t, work
+                hand, obj, finger, min(motor, hand.finger_upper[finger, 0]), gap, R, t, work
             )
-            distal = motor * (1.0 + hand.ratio) - inner
-            q[hand.inner_joint[finger]] = inner
-            q[hand.distal_joint[finger]] = min(max(distal, 0.0), hand.distal_upper)
-            place_link(hand, hand.inner_link[finger], inner, R, t)
-            place_link(hand, hand.distal_link[finger], q[hand.distal_joint[finger]], R, t)
+            q[hand.finger_joint[finger, 0]] = inner
+            place_link(hand, hand.finger_link[finger, 0], inner, R, t)
+            last = n_links_each - 1
+            if last > 0:
+                distal = motor * (1.0 + hand.closing_ratio[0, 1]) - inner
+                distal = min(max(distal, 0.0), hand.finger_upper[finger, 1])
+                q[hand.finger_joint[finger, 1]] = distal
+                place_link(hand, hand.finger_link[finger, 1], distal, R, t)
             inner_touches[b, finger] = touches
-            _nearest_point(hand, obj, hand.distal_link[finger], R, t, points[b, finger, 0])
-            _nearest_point(hand, obj, hand.inner_link[finger], R, t, points[b, finger, 1])
+            _nearest_point(hand, obj, hand.finger_link[finger, last], R, t, points[b, finger, 0])
+            _nearest_point(hand, obj, hand.finger_link[finger, 0], R, t, points[b, finger, 1])

@@ -13,7 +13,10 @@ from gpis_grasp_planner.geometry.triangle_tree import nearest_point
 
 @njit
 def place_link(hand, link, angle, R, t):  # type: ignore[no-untyped-def]
-    """Pose of one link from its parent's pose, in place in R (L, 3, 3) and t (L, 3)."""
+    """Pose of one link from its parent's pose, in place in R (L, 3, 3) and t (L, 3).
+
+    `angle` [rad] is a way [m] where the link's joint slides.
+    """
     parent = hand.parent[link]
     Rp = R[parent]
     tp = t[parent]
@@ -21,6 +24,14 @@ def place_link(hand, link, angle, R, t):  # type: ignore[no-untyped-def]
     tj = hand.t_parent_joint[link]
     for a in range(3):
         t[link, a] = tp[a] + Rp[a, 0] * tj[0] + Rp[a, 1] * tj[1] + Rp[a, 2] * tj[2]
+    if hand.slides[link]:
+        axis = hand.axis[link]
+        for a in range(3):
+            for b in range(3):
+                R[link, a, b] = Rp[a, 0] * Rj[0, b] + Rp[a, 1] * Rj[1, b] + Rp[a, 2] * Rj[2, b]
+            for b in range(3):
+                t[link, a] += angle * R[link, a, b] * axis[b]
+        return
     c = np.cos(angle)
     s = np.sin(angle)
     x, y, z = hand.axis[link, 0], hand.axis[link, 1], hand.axis[link, 2]
@@ -86,11 +97,11 @@ def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
 
 
 @njit
-def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # type: ignore[no-untyped-def]
-    """Motor step [rad] that should leave `clearance` between a link and the object.
+def coarse_step(hand, obj, finger, k, R, t, clearance, held):  # type: ignore[no-untyped-def]
+    """Step of the first free joint that should leave `clearance` between link k and the object.
 
-    Looks at the link's probes only: a thin feature of the object can be between them. A probe's
-    speed is at most ``inner_weight * probe_inner_radius + own_weight * probe_radius``.
+    Looks at the link's probes only: a thin feature of the object can be between them. The finger's
+    first `held` joints are at rest.
 
     Returns
     -------
@@ -99,6 +110,7 @@ def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # 
     """
     best = np.inf
     nearest = np.inf
+    link = hand.finger_link[finger, k]
     Rl = R[link]
     tl = t[link]
     for n in range(hand.probes.shape[1]):
@@ -109,11 +121,10 @@ def coarse_step(hand, obj, link, R, t, clearance, inner_weight, own_weight):  # 
         d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
         nearest = min(nearest, d)
         d -= clearance
-        speed = (
-            inner_weight * hand.probe_inner_radius[link, n]
-            + own_weight * hand.probe_radius[link, n]
-            + 1e-6
-        )
+        speed = 0.0
+        for j in range(held, k + 1):
+            speed += hand.closing_ratio[held, j] * hand.probe_reach[link, n, j]
+        speed += 1e-6
         if d < best * speed:
             best = d / speed
     return best, nearest
@@ -188,25 +199,25 @@ def overlaps(hand, obj, link, R, t, work):  # type: ignore[no-untyped-def]
 def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[no-untyped-def]
     """Whether a finger's moving links are nearer than `limit` to a link of another finger.
 
-    Links of the palm group and knuckles count for the distal link only: the inner link turns in
-    its own knuckle.
+    Links of the palm group and knuckles do not count for the inner link, that turns in its own
+    knuckle or slides on the palm.
     """
     direction = np.empty(3)
     p = np.empty(3)
     q = np.empty(3)
-    for which in range(2):
-        link = hand.distal_link[finger] if which == 0 else hand.inner_link[finger]
+    for k in range(hand.finger_link.shape[1] - 1, -1, -1):
+        link = hand.finger_link[finger, k]
         for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
             n = piece_in_object_frame(hand, piece, R, t, work)
             for target in range(hand.parent.shape[0]):
                 own = hand.link_finger[target] == finger
                 fixed = hand.link_finger[target] < 0
-                if own or (fixed and which == 1):
+                if own or (fixed and k == 0):
                     continue
-                if fixed and hand.parent[hand.inner_link[finger]] == target:
+                if fixed and hand.parent[hand.finger_link[finger, 0]] == target:
                     continue
-                for k in range(hand.link_piece_start[target], hand.link_piece_start[target + 1]):
-                    m = piece_in_object_frame(hand, k, R, t, other)
+                for o in range(hand.link_piece_start[target], hand.link_piece_start[target + 1]):
+                    m = piece_in_object_frame(hand, o, R, t, other)
                     for a in range(3):
                         direction[a] = t[link, a] - t[target, a]
                     d = polytope_distance(work[:n], other[:m], limit, direction, p, q)

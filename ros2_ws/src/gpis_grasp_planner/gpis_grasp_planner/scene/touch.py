@@ -5,7 +5,11 @@ patch's extreme points count. Candidates are the nearest points of the link and 
 (exact), and the link's surface samples within the threshold of the mesh (exact distances too).
 A pair counts only if it is a contact of the bodies, not of features on their own: the hand's point
 must have no nearer point of the mesh, and where the mesh's nearest feature is an edge the
-direction must agree with the hand's normal. From each link the farthest-apart few are kept.
+direction must agree with the hand's normal. From each link the farthest-apart few are kept; of a
+link with flat pads (`HandDescription.contact_patches`) the corners of the patch, the farthest
+points in eight directions in its plane. What presses with a pressure spread over a patch can exert
+any mean of forces in the cones at these corners, so that their hull is what the pad can do; a
+patch whose corners lie between samples is taken as that much smaller.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from gpis_grasp_planner.geometry.triangle_tree import nearest_point
 from gpis_grasp_planner.scene.posture import exact_gap, piece_in_object_frame
 
 MAX_PER_LINK = 5
+MAX_PER_PATCH = 8
 _CANDIDATES = 256
 _APART = 0.0015
 _SAME_NORMAL = 0.94
@@ -134,6 +139,54 @@ def _spread_out(points, normals, gaps, count, chosen):  # type: ignore[no-untype
 
 
 @njit
+def _patch_corners(points, normals, gaps, count, Rl, chosen):  # type: ignore[no-untyped-def]
+    """Indices of the corners of a flat patch about the nearest candidate, at most MAX_PER_PATCH.
+
+    The directions lie evenly about the link's axes in the patch's plane: of a rectangle along them
+    the four corners are found.
+    """
+    first = 0
+    for i in range(count):
+        if gaps[i] < gaps[first]:
+            first = i
+    n = normals[first]
+    most = 0  # the link's axis nearest to the normal
+    for a in range(1, 3):
+        here = abs(Rl[0, a] * n[0] + Rl[1, a] * n[1] + Rl[2, a] * n[2])
+        if here > abs(Rl[0, most] * n[0] + Rl[1, most] * n[1] + Rl[2, most] * n[2]):
+            most = a
+    u = Rl[:, (most + 1) % 3]
+    v = Rl[:, (most + 2) % 3]
+    k = 0
+    for e in range(MAX_PER_PATCH):
+        angle = 2.0 * np.pi * (e + 0.5) / MAX_PER_PATCH
+        c = np.cos(angle)
+        s = np.sin(angle)
+        best = -np.inf
+        index = first
+        for i in range(count):
+            agree = normals[i, 0] * n[0] + normals[i, 1] * n[1] + normals[i, 2] * n[2]
+            if agree < _SAME_NORMAL:
+                continue
+            reach = 0.0
+            for a in range(3):
+                reach += (points[i, a] - points[first, a]) * (c * u[a] + s * v[a])
+            if reach > best:
+                best = reach
+                index = i
+        apart = True
+        for j in range(k):
+            d = 0.0
+            for a in range(3):
+                d += (points[index, a] - points[chosen[j], a]) ** 2
+            apart = apart and np.sqrt(d) >= _APART
+        if apart:
+            chosen[k] = index
+            k += 1
+    return k
+
+
+@njit
 def collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links):  # type: ignore[no-untyped-def]
     """Contacts of all links into positions, normals (inward) and links; returns how many."""
     found = 0
@@ -141,6 +194,7 @@ def collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links
     inward = np.empty((_CANDIDATES, 3))
     gaps = np.empty(_CANDIDATES)
     chosen = np.empty(MAX_PER_LINK, dtype=np.int64)
+    corners = np.empty(MAX_PER_PATCH, dtype=np.int64)
     for link in range(hand.parent.shape[0]):
         if exact_gap(hand, obj, link, R, t, threshold, work) >= threshold:
             continue
@@ -148,13 +202,17 @@ def collect_contacts(hand, obj, R, t, threshold, work, positions, normals, links
         count = _sample_candidates(hand, obj, link, R, t, threshold, points, inward, gaps, count)
         if count == 0:
             continue
-        k = _spread_out(points, inward, gaps, count, chosen)
+        if hand.link_is_pad[link]:
+            k = _patch_corners(points, inward, gaps, count, R[link], corners)
+        else:
+            k = _spread_out(points, inward, gaps, count, chosen)
         for i in range(k):
             if found >= positions.shape[0]:
                 break
+            which = corners[i] if hand.link_is_pad[link] else chosen[i]
             for c in range(3):
-                positions[found, c] = points[chosen[i], c]
-                normals[found, c] = inward[chosen[i], c]
+                positions[found, c] = points[which, c]
+                normals[found, c] = inward[which, c]
             links[found] = link
             found += 1
     return found

@@ -93,7 +93,8 @@ class ContactPointOptimiser:
         self._evaluator = posture_evaluator(context)
         drive = context.hand.drive
         self._lower = np.asarray(drive.motor_lower, dtype=float)
-        self._width = np.asarray(drive.motor_upper, dtype=float) - self._lower
+        # a hand without a spread has a motor of no range
+        self._width = np.maximum(np.asarray(drive.motor_upper) - self._lower, 1e-9)
 
     def optimise(
         self,

@@ -56,7 +56,7 @@ class HandFitting:
         if not self._constraints:
             return self._evaluator.attempt(T_object_palm, spread)
         if joints is None:
-            motors = np.full((len(spread), len(self._hand.fingers)), _NARROW)
+            motors = np.tile(_NARROW * self._hand.closing_unit, (len(spread), 1))
             joints = joints_from_motors(self._hand, spread, motors)
         T = self._nearest(T_object_palm, joints)
         attempts = self._evaluator.attempt(T, spread)

@@ -6,7 +6,8 @@ and the compiled code, are imported by the planning process alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.settings import SettingsGroup, setting
@@ -294,3 +295,8 @@ class SearchSettings:
     dual: DualSettings = field(default_factory=DualSettings)
     contacts: ContactSettings = field(default_factory=ContactSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
+
+    def with_spread_up_to(self, spread_upper: float) -> SearchSettings:
+        """For a hand whose spread ends there [rad]; 0 for one without."""
+        limit = min(self.adaption.spread_max_deg, math.degrees(spread_upper))
+        return replace(self, adaption=replace(self.adaption, spread_max_deg=limit))

@@ -140,7 +140,7 @@ def holds(attempts: Attempts, hand: HandDescription, min_epsilon: float) -> NDAr
     good = (attempts.status == AttemptStatus.GRASPED) & (attempts.epsilon > min_epsilon)
     finger_of = np.zeros(hand.n_links, dtype=np.int64)  # 0: the palm and what is fixed to it
     for number, finger in enumerate(hand.fingers, start=1):
-        finger_of[[finger.inner_link, finger.distal_link]] = number
+        finger_of[list(finger.links)] = number
         if hand.link_friction_group[finger.knuckle_link] == "finger":
             finger_of[finger.knuckle_link] = number
     for i in np.flatnonzero(good):

@@ -77,17 +77,22 @@ def narrow_pregrasp(
         joints = joints_from_motors(hand, spread, trial, stop)
         return _fingers_are_free(hand, grasps, joints, tree, clearance_m, asked, approach)
 
+    step = _STEP_RAD * hand.closing_unit
     going = can.copy()
     while going.any():
-        trial = np.where(going, np.minimum(motors + _STEP_RAD, end), motors)
+        trial = np.where(going, np.minimum(motors + step, end), motors)
         going &= free(trial, going, approach=False)
         motors = np.where(going, trial, motors)
         going &= motors < end - 1e-9
+    if hand.drive.coupled:  # as wide as the widest
+        motors = np.repeat(motors.min(axis=1, keepdims=True), motors.shape[1], axis=1)
     # the approach is seldom nearer than its end: it is looked at once, and then on the way back
     wide = can & (motors > start)
     while wide.any():
         wide &= ~free(motors, wide, approach=True)
-        motors = np.where(wide, np.maximum(motors - _STEP_RAD, start), motors)
+        if hand.drive.coupled:
+            wide[:] = wide.any(axis=1, keepdims=True)
+        motors = np.where(wide, np.maximum(motors - step, start), motors)
         wide &= motors > start
     if together:
         touches = can & _touching(hand, grasps)
@@ -159,10 +164,7 @@ def _touching(hand: HandDescription, grasps: Sequence[Grasp]) -> NDArray[np.bool
     """Which fingers (B, F) have contacts."""
     return np.array(
         [
-            [
-                bool(np.isin(grasp.contacts.links, (f.inner_link, f.distal_link)).any())
-                for f in hand.fingers
-            ]
+            [bool(np.isin(grasp.contacts.links, f.links).any()) for f in hand.fingers]
             for grasp in grasps
         ]
     )
@@ -222,4 +224,4 @@ def _fingers_meet(hand: HandDescription, joints: Array) -> bool:
 
 
 def _pieces_of(pieces: HandPieces, finger: Finger) -> NDArray[np.int64]:
-    return np.flatnonzero(np.isin(pieces.link, (finger.inner_link, finger.distal_link)))
+    return np.flatnonzero(np.isin(pieces.link, finger.links))

@@ -72,10 +72,10 @@ class Engine(Protocol):
         """Let time steps pass with a force (3,) [N] at the part's centre of mass, in P."""
 
     def joint_states(self, joints: Sequence[int]) -> Sequence[tuple[float, float]]:
-        """Angle [rad] and speed [rad/s] of some of the hand's joints."""
+        """Angle [rad] and speed [rad/s] of some of the hand's joints; [m, m/s] of sliding ones."""
 
     def motor(self, joint: int, speed: float, torque: float) -> None:
-        """Let a joint's motor go at a speed [rad/s] with a torque [N m] at most."""
+        """Let a motor go at a speed [rad/s, m/s] with a torque or force [N m, N] at most."""
 
     def press_of(self, link: int) -> float:
         """Sum of the normal forces [N] between the part and a link after the last step."""

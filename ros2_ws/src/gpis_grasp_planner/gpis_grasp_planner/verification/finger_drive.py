@@ -5,6 +5,11 @@ TorqueSwitch frees it at the breakaway torque: the inner joint is held by its wo
 distal link goes on by itself until it presses with the full tip force. Where the fingertip meets
 the object first, the finger presses as one, with the same force at the tip. A joint that is
 pushed back resists with the holding force.
+
+A finger of one link has the first of these joints only. The jaws of a coupled hand close each by
+itself, and the hand is placed so that both arrive at once; what one motor does to a part that lies
+aside, it pushes it, is not in a trial. When both press, the mechanism between them bears what
+pushes both the same way: one jaw is held with the joint's effort, and the other presses against it.
 """
 
 from __future__ import annotations
@@ -43,17 +48,24 @@ class FingerDrive:
     ):
         self.engine, self.finger = engine, finger
         self.inner, self.distal = finger.inner_joint, finger.distal_joint
+        self.two_links = len(finger.links) > 1
         self.ratio = hand.drive.distal_per_inner
-        self.speed = settings.closing_speed_rad_s
+        number = hand.fingers.index(finger)
+        self.unit = float(hand.closing_unit[number])
+        self.speed = settings.closing_speed_rad_s * self.unit
         self.inner_upper = float(hand.joint_upper[finger.inner_joint])
         self.distal_upper = float(hand.joint_upper[finger.distal_joint])
-        inner_arm, distal_arm = tip_arms(hand, hand.fingers.index(finger))
+        inner_arm, distal_arm = tip_arms(hand, number)
         self.tip_torque = (settings.tip_force_n * inner_arm, settings.tip_force_n * distal_arm)
         self.hold_torque = (
             settings.holding_force_n * inner_arm,
             settings.holding_force_n * distal_arm,
         )
-        self.breakaway_torque = min(hand.drive.breakaway_torque, self.tip_torque[0])
+        # A finger of one link has nothing to free, and closes with what it presses with.
+        freed_at = hand.drive.breakaway_torque if self.two_links else self.tip_torque[0]
+        if hand.drive.coupled:  # not the motor holds, but the mechanism between the jaws
+            self.hold_torque = (float(hand.joint_effort[self.inner]),) * 2
+        self.breakaway_torque = min(freed_at, self.tip_torque[0])
         self.phase = Phase.CLOSING
         self._coupled = True
         self._driven_back = False
@@ -63,7 +75,8 @@ class FingerDrive:
     def start(self) -> None:
         """Begin to close."""
         self.engine.motor(self.inner, self.speed, self.breakaway_torque)
-        self.engine.motor(self.distal, self.speed * self.ratio, self.hold_torque[1])
+        if self.two_links:
+            self.engine.motor(self.distal, self.speed * self.ratio, self.hold_torque[1])
 
     def snapshot(self) -> tuple[Phase, bool, bool, float, float]:
         """The drive's state, to come back to with :meth:`restore`."""
@@ -82,7 +95,7 @@ class FingerDrive:
         (q2, v2), (q3, v3) = self.engine.joint_states([self.inner, self.distal])
         if self.phase is Phase.ENDED:
             return
-        if self._coupled:
+        if self._coupled and self.two_links:
             follow = self.ratio * (self.speed if self.phase is Phase.CLOSING else 0.0)
             follow += _COUPLING_GAIN * (self.ratio * q2 - q3)
             self.engine.motor(self.distal, follow, self.hold_torque[1])
@@ -94,19 +107,24 @@ class FingerDrive:
             self._end()
         elif self.phase is Phase.PRESSING:
             self._furthest = max(self._furthest, position)
-            driven_back = position < self._furthest - _BACK_DRIVEN_RAD
+            driven_back = position < self._furthest - _BACK_DRIVEN_RAD * self.unit
             if driven_back != self._driven_back:
                 self._driven_back = driven_back
                 self._press()
         elif self._stalled_s >= _STALL_TIME_S:
             self._stalled_s = 0.0
-            if self.phase is Phase.CLOSING and inner_touches:
+            if self.phase is Phase.CLOSING and inner_touches and self.two_links:
                 self.phase = Phase.CURLING
                 self._coupled = False
             else:
                 self.phase = Phase.PRESSING
                 self._furthest = position
             self._press()
+
+    def hold(self) -> None:
+        """Stay where it is, whatever it is pushed with up to its holding force."""
+        self.phase = Phase.ENDED
+        self._end()
 
     def _press(self) -> None:
         inner, distal = self.hold_torque if self._driven_back else self.tip_torque
@@ -118,4 +136,5 @@ class FingerDrive:
 
     def _end(self) -> None:
         self.engine.motor(self.inner, 0.0, self.hold_torque[0])
-        self.engine.motor(self.distal, 0.0, self.hold_torque[1])
+        if self.two_links:
+            self.engine.motor(self.distal, 0.0, self.hold_torque[1])

@@ -276,7 +276,7 @@ class Verifier:
     def _group(self, link: int) -> str:
         """The finger that a link moves with, or the palm."""
         for finger in self.hand.fingers:
-            if link in (finger.inner_link, finger.distal_link):
+            if link in finger.links:
                 return finger.name
         return "palm"
 

@@ -81,8 +81,8 @@ class Reach:
         """
         distance = allowance.distance_m
         end = np.array(closed, dtype=float)
-        for finger in self.hand.fingers:
-            end[[finger.inner_joint, finger.distal_joint]] += allowance.farther_rad
+        for finger, unit in zip(self.hand.fingers, self.hand.closing_unit, strict=True):
+            end[list(finger.joints)] += allowance.farther_rad * unit
         end = np.minimum(np.maximum(start, end), self.hand.joint_upper)
         way = end + np.linspace(1.0, 0.0, _POSTURES)[:, None] ** 2 * (start - end)
         poses = link_transforms(self.hand, way)

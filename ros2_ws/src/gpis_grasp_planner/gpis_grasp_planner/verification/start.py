@@ -60,16 +60,17 @@ class StartFinder:
         That far the fingers travel freely, so that it needs no physics.
         """
         joints = np.array(pregrasp_joints, dtype=float)
-        for finger in self.hand.fingers:
+        for finger, unit in zip(self.hand.fingers, self.hand.closing_unit, strict=True):
             first = float(pregrasp_joints[finger.inner_joint])
             upper = float(self.hand.joint_upper[finger.inner_joint])
-            travel = np.append(np.arange(first, upper, _TRAVEL_STEP_RAD), max(first, upper))
+            travel = np.append(np.arange(first, upper, _TRAVEL_STEP_RAD * unit), max(first, upper))
             closing = np.repeat(joints[None], len(travel), axis=0)
             closing[:, finger.inner_joint] = travel
-            closing[:, finger.distal_joint] = np.maximum(
-                travel * self.hand.drive.distal_per_inner, joints[finger.distal_joint]
-            )
-            near = self.clearance(T_object_palm, closing, [finger.inner_link, finger.distal_link])
+            if len(finger.joints) > 1:
+                closing[:, finger.distal_joint] = np.maximum(
+                    travel * self.hand.drive.distal_per_inner, joints[finger.distal_joint]
+                )
+            near = self.clearance(T_object_palm, closing, list(finger.links))
             met = np.flatnonzero(near < _CLEARANCE_M)
             # a finger that meets nothing stays where it is seen to be free
             last = max(int(met[0]) - 1, 0) if len(met) else len(travel) - 1

@@ -142,6 +142,8 @@ class TrialWorld:
             touching = self._inner_links_touching()
             for drive in self.drives:
                 drive.update(interval_s, drive.finger.inner_link in touching)
+            if self.hand.drive.coupled and all(d.phase is Phase.PRESSING for d in self.drives):
+                self.drives[0].hold()
         return rounds * interval_s
 
     def part_pose(self) -> Array:

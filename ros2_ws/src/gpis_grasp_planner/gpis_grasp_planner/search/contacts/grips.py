@@ -205,7 +205,7 @@ def _places(
     points, normals = (x.reshape(_SPREADS, _MOTORS, -1, 3) for x in (points, normals))
     fingers = []
     for number, finger in enumerate(hand.fingers):
-        own = np.isin(wanted.links, [finger.inner_link, finger.distal_link])
+        own = np.isin(wanted.links, finger.links)
         fingers.append(_Places(points[:, :, own], normals[:, :, own], np.array([number])))
     on_palm = wanted.links == hand.link_names.index(hand.palm_link)
     if not on_palm.any():
@@ -236,6 +236,9 @@ def _between(
     axis = way / np.maximum(width, 1e-12)[..., None]
     faces = np.einsum("sabi,sai->sab", axis, na.reshape(s, m * k, 3)) > _FACING
     faces &= np.einsum("sabi,sbi->sab", axis, nb.reshape(s, -1, 3)) < -_FACING
+    if hand.drive.coupled:  # one motor: both sides at the same step
+        step = np.arange(m * k) // k
+        faces &= step[:, None] == step
     i, p, q = np.nonzero(faces & (width > _NARROWEST_M))
     firsts = [x.reshape(s, m * k, -1, 3)[i, p] for x in (first.points, first.normals)]
     seconds = [x.reshape(s, -1, x.shape[3], 3)[i, q] for x in (second.points, second.normals)]

@@ -1,7 +1,7 @@
 """Hand and object as Bullet's dynamics takes them.
 
-The fingers are one multi-body with a fixed base: six hinges, no more is simulated. Palm and
-knuckles do not move and are fixed bodies; the spread is set before (its worm drive holds it).
+The fingers are one multi-body with a fixed base: their closing joints, no more is simulated. Palm
+and knuckles do not move and are fixed bodies; the spread is set before (its worm drive holds it).
 PyBullet gives every link a collision margin of 1 mm that cannot be changed, so the links' hulls
 are made 1 mm smaller: together they have the link's faces where they are, with edges rounded by
 1 mm. A margin also keeps Bullet's contacts out of its deep-penetration case.
@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -143,7 +144,7 @@ def add_hand(
     spread : (J,) array [rad]
         Joint angles of which only the spread joints' count.
     """
-    moving = [link for finger in hand.fingers for link in (finger.inner_link, finger.distal_link)]
+    moving = [link for finger in hand.fingers for link in finger.links]
     joints = np.zeros(hand.n_joints)
     for finger in hand.fingers:
         if finger.spread_joint >= 0:
@@ -162,27 +163,34 @@ def add_hand(
                 baseOrientation=quat_xyzw,
             )
             link_of[int(body), -1] = link
-    frames = [poses[f.knuckle_link] @ hand.T_parent_joint[f.inner_link] for f in hand.fingers]
-    positions, orientations = [], []
-    for frame, finger in zip(frames, hand.fingers, strict=True):
-        for T in (frame, hand.T_parent_joint[finger.distal_link]):
-            position, quat_xyzw = to_position_quat_xyzw(T)
+    positions: list[list[float]] = []
+    orientations, parents, kinds = [], [], []
+    for finger in hand.fingers:
+        for number, link in enumerate(finger.links):
+            T = hand.T_parent_joint[link]
+            position, quat_xyzw = to_position_quat_xyzw(
+                poses[finger.knuckle_link] @ T if number == 0 else T
+            )
+            parents.append(0 if number == 0 else len(positions))
             positions.append(position.tolist())
             orientations.append(quat_xyzw.tolist())
+            slides = hand.joint_slides[hand.link_joint[link]]
+            kinds.append(client.JOINT_PRISMATIC if slides else client.JOINT_REVOLUTE)
     n = len(moving)
-    fingers = client.createMultiBody(
-        baseMass=0.0,
-        linkMasses=[float(hand.link_mass[link]) for link in moving],
-        linkCollisionShapeIndices=[hull_shape(client, hulls[link][0]) for link in moving],
-        linkVisualShapeIndices=[-1] * n,
-        linkPositions=positions,
-        linkOrientations=orientations,
-        linkInertialFramePositions=[[0.0] * 3] * n,
-        linkInertialFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * n,
-        linkParentIndices=[0 if i % 2 == 0 else i for i in range(n)],
-        linkJointTypes=[client.JOINT_REVOLUTE] * n,
-        linkJointAxis=[hand.joint_axis[link].tolist() for link in moving],
-    )
+    with ExitStack() as files:
+        fingers = client.createMultiBody(
+            baseMass=0.0,
+            linkMasses=[float(hand.link_mass[link]) for link in moving],
+            linkCollisionShapeIndices=[link_shape(client, hulls[link], files) for link in moving],
+            linkVisualShapeIndices=[-1] * n,
+            linkPositions=positions,
+            linkOrientations=orientations,
+            linkInertialFramePositions=[[0.0] * 3] * n,
+            linkInertialFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * n,
+            linkParentIndices=parents,
+            linkJointTypes=kinds,
+            linkJointAxis=[hand.joint_axis[link].tolist() for link in moving],
+        )
     for body, _ in list(link_of):
         for index in range(n):
             client.setCollisionFilterPair(body, fingers, -1, index, 0)
@@ -192,6 +200,22 @@ def add_hand(
     return HandBodies(int(fingers), joint_of, link_of)
 
 
+def link_shape(client: BulletClient, hulls: Sequence[Array], files: ExitStack) -> int:
+    """The collision shape of a link: the hull of its vertices (n, 3), or a compound of several."""
+    if len(hulls) == 1:
+        return hull_shape(client, hulls[0])
+    return files.enter_context(_compound(client, hulls, "link"))
+
+
+@contextlib.contextmanager
+def _compound(client: BulletClient, pieces: Sequence[Array], name: str) -> Iterator[int]:
+    """A shape of several hulls; PyBullet reads its file again when it makes the body."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.obj"
+        path.write_text(_obj_text(pieces))
+        yield int(client.createCollisionShape(client.GEOM_MESH, fileName=str(path)))
+
+
 def add_object(
     client: BulletClient, pieces: Sequence[Array], part: Part, mass: float, T_palm_object: Array
 ) -> int:
@@ -199,14 +223,11 @@ def add_object(
     moments, axes = inertia_of(part)
     position = T_palm_object[:3, :3] @ part.center_of_mass + T_palm_object[:3, 3]
     quat_xyzw = Rotation.from_matrix(T_palm_object[:3, :3] @ axes).as_quat()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{part.mesh.content_hash[:16]}.obj"
-        path.write_text(_obj_text([(p - part.center_of_mass) @ axes for p in pieces]))
+    moved = [(p - part.center_of_mass) @ axes for p in pieces]
+    with _compound(client, moved, part.mesh.content_hash[:16]) as shape:
         body = client.createMultiBody(
             baseMass=mass,
-            baseCollisionShapeIndex=client.createCollisionShape(
-                client.GEOM_MESH, fileName=str(path)
-            ),
+            baseCollisionShapeIndex=shape,
             basePosition=position,
             baseOrientation=quat_xyzw,
         )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
-from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.description import SLIDING_LEVER_M, HandDescription
 
 Array = NDArray[np.float64]
 
@@ -104,11 +104,14 @@ def _set_pose(body: mujoco.MjsBody, T: Array) -> None:
 def _add_joint(spec: mujoco.MjSpec, body: mujoco.MjsBody, hand: HandDescription, link: int) -> None:
     joint = int(hand.link_joint[link])
     name = hand.joint_names[joint]
+    slides = bool(hand.joint_slides[joint])
+    # a rotor behind a pinion of the lever that counts as 1 rad
+    armature = _ARMATURE / SLIDING_LEVER_M**2 if slides else _ARMATURE
     body.add_joint(
         name=name,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
+        type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
         axis=hand.joint_axis[link],
-        armature=_ARMATURE,
+        armature=armature,
     )
     body.explicitinertial = True
     body.mass = float(hand.link_mass[link])
@@ -123,7 +126,7 @@ def _add_joint(spec: mujoco.MjSpec, body: mujoco.MjsBody, hand: HandDescription,
         forcerange=(-1.0, 1.0),
     )
     # At most what turns the rotor to its speed in one step: a motor at its limit does not chatter.
-    motor.gainprm[0] = _ARMATURE / spec.option.timestep
+    motor.gainprm[0] = armature / spec.option.timestep
     motor.biasprm[2] = -motor.gainprm[0]
 
 

@@ -1,0 +1,145 @@
+"""What may be wrong with a hand's description although it can be read."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.geometry.gjk import polytope_distance
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.transforms import apply
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.drive import joints_from_motors
+from gpis_grasp_planner.hand.kinematics import link_transforms
+
+Array = NDArray[np.float64]
+
+_CONVEX_M = 1e-5
+_ON_SURFACE_M = 1e-3
+_LARGEST_M = 1.0
+_CLOSED_STEPS = 21
+
+
+def faults_of(hand: HandDescription) -> list[str]:
+    """Sentences, each with a fault of a hand that would make bad plans; none where all is well.
+
+    Looked at are the shapes (there, closed, convex, of a hand's size), the wanted contacts (on
+    their links), the masses of moving links, and the closing (fingers move, and come nearer to
+    what they close towards). Some 20 ms.
+    """
+    return [
+        *_shape_faults(hand),
+        *_contact_faults(hand),
+        *_mass_faults(hand),
+        *_closing_faults(hand),
+    ]
+
+
+def fingertip_gaps(hand: HandDescription, share: Array) -> Array:
+    """Smallest distance (n,) [m] of two fingers, motors at shares (n,) of their way; 0: meet."""
+    motors = np.asarray(share)[:, None] * hand.drive.motor_upper[1:]
+    joints = joints_from_motors(hand, np.zeros(len(motors)), motors)
+    poses = link_transforms(hand, joints)
+    return np.array([_nearest_fingers(hand, T) for T in poses])
+
+
+def _shape_faults(hand: HandDescription) -> list[str]:
+    faults = []
+    for name, pieces in zip(hand.link_names, hand.link_collision, strict=True):
+        if not pieces:
+            faults.append(f"Link '{name}' has no collision shape; give it a box or a convex STL.")
+        for number, piece in enumerate(pieces, start=1):
+            heights = piece.vertices @ piece.face_normals_outward.T - np.einsum(
+                "ij,ij->i", piece.face_normals_outward, piece.triangles[:, 0]
+            )
+            if (out := float(heights.max())) > _CONVEX_M:
+                faults.append(
+                    f"Piece {number} of link '{name}' is not convex, or its faces point inwards: a "
+                    f"corner lies {1e3 * out:.2f} mm outside of a face. Divide it into convex "
+                    "pieces."
+                )
+    extents = [np.ptp(p.vertices, axis=0).max() for link in hand.link_collision for p in link]
+    if extents and max(extents) > _LARGEST_M:
+        faults.append(
+            f"A shape is {max(extents):.1f} m long; a hand's are below {_LARGEST_M:g} m. URDF "
+            "lengths are metres."
+        )
+    return faults
+
+
+def _contact_faults(hand: HandDescription) -> list[str]:
+    wanted = hand.desired_contacts
+    faults = []
+    for link, point in zip(wanted.links, wanted.points, strict=True):
+        nearest = min(
+            (abs(_height(piece, point)) for piece in hand.link_collision[link]), default=np.inf
+        )
+        if nearest > _ON_SURFACE_M:
+            x, y, z = 1e3 * point
+            faults.append(
+                f"The wanted contact ({x:.1f}, {y:.1f}, {z:.1f}) mm of link "
+                f"'{hand.link_names[link]}' is {1e3 * nearest:.1f} mm from its surface; put it on "
+                "the surface."
+            )
+    for finger in hand.fingers:
+        if not np.isin(wanted.links, finger.links).any():
+            faults += [f"Finger '{finger.name}' has no wanted contact; give it one at least."]
+    return faults
+
+
+def _mass_faults(hand: HandDescription) -> list[str]:
+    moving = [link for finger in hand.fingers for link in finger.links]
+    return [
+        f"Link '{hand.link_names[link]}' has a mass of {hand.link_mass[link]:g} kg; trials in "
+        "physics need more than 0."
+        for link in moving
+        if not hand.link_mass[link] > 0.0
+    ]
+
+
+def _closing_faults(hand: HandDescription) -> list[str]:
+    faults = []
+    ends = (("lower", hand.joint_lower), ("upper", hand.joint_upper))
+    for name, lower, upper in zip(
+        hand.joint_names, hand.joint_lower, hand.joint_upper, strict=True
+    ):
+        if not lower < upper:
+            faults.append(f"Joint '{name}' goes from {lower:g} to {upper:g}; give it a range.")
+    for which, values in ends:
+        if not np.isfinite(values).all():
+            faults.append(f"A joint has no {which} limit.")
+    if faults:
+        return faults
+    gaps = fingertip_gaps(hand, np.linspace(0.0, 1.0, _CLOSED_STEPS))
+    if gaps.min() >= gaps[0]:
+        faults.append(
+            f"The fingers come no nearer to each other by closing: they are {1e3 * gaps[0]:.1f} mm "
+            "apart when open. Joints close towards positive values; turn the axes in the URDF."
+        )
+    return faults
+
+
+def _height(piece: TriangleMesh, point: Array) -> float:
+    """Largest distance of a point over the planes of a convex piece's faces."""
+    normals = piece.face_normals_outward
+    return float((np.einsum("ij,ij->i", normals, point - piece.triangles[:, 0])).max())
+
+
+def _nearest_fingers(hand: HandDescription, T_palm_link: Array) -> float:
+    placed = [
+        [
+            apply(T_palm_link[link], np.asarray(piece.vertices, dtype=float))
+            for link in finger.links
+            for piece in hand.link_collision[link]
+        ]
+        for finger in hand.fingers
+    ]
+    best = _LARGEST_M
+    p, q = np.empty(3), np.empty(3)
+    for one, pieces in enumerate(placed):
+        for others in placed[one + 1 :]:
+            for a in pieces:
+                for b in others:
+                    direction = a.mean(axis=0) - b.mean(axis=0)
+                    best = min(best, float(polytope_distance(a, b, best, direction, p, q)))
+    return best
