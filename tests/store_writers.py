@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gpis_grasp_planner.forked_child import ForkedChild
+from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.store.conditions import Conditions
@@ -22,7 +23,7 @@ from gpis_grasp_planner.store.record import Record
 def record_of(part, result: PlanResult, **changes) -> Record:
     """A record of a result whose request differs by `changes`, such as another seed."""
     request = replace(result.request, **changes)
-    conditions = Conditions.of(part, request, PlannerSettings(), result.hand)
+    conditions = Conditions.of(part, request, PlannerSettings(), load_hand(result.hand))
     return Record(replace(result, request=request), conditions)
 
 

@@ -159,6 +159,11 @@ def test_a_late_subscriber_gets_the_last_grasp_and_the_hand(
     assert got["grasp"][-1] == best
     assert got["palm_pose"][-1].header.stamp == got["grasp_joint_states"][-1].header.stamp
     assert "<robot" in got["robot_description"][-1].data
+
+    def drawn() -> bool:
+        return got["grasp_markers"][-1].markers[0].header == best.palm_pose.header
+
+    tools.wait(drawn, "the markers of this answer")
     namespaces = [marker.ns for marker in got["grasp_markers"][-1].markers]
     assert namespaces.count("contacts") == namespaces.count("normals_inward") == len(best.contacts)
     assert namespaces.count("hand") > 8

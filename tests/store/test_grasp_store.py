@@ -13,6 +13,7 @@ from planning_fixtures import make_part
 from store_writers import killed_writers, record_of
 
 from gpis_grasp_planner.forked_child import ForkedChild
+from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan.document import document_of
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.store_settings import StoreSettings
@@ -27,8 +28,8 @@ LOW_TABLE = Place.from_mapping({"support": {"point": [0.0, 0.0, -0.044]}})
 FAR_TABLE = Place.from_mapping({"support": {"point": [0.0, 0.0, -0.2]}})
 
 
-def find(store, part, request, place=FREE, settings=None, hand="barrett_bh280", **options):
-    conditions = Conditions.of(part, request, settings or PlannerSettings(), hand)
+def find(store, part, request, place=FREE, settings=None, hand=None, **options):
+    conditions = Conditions.of(part, request, settings or PlannerSettings(), hand or load_hand())
     return store.find(part, conditions, request, place, **options)
 
 
@@ -60,7 +61,7 @@ def test_anything_else_is_planned_anew(store, box, plan):
     bigger = make_part("box", trimesh.creation.box((0.05, 0.06, 0.0901)))
     assert find(store, bigger, request) is None
     assert find(store, replace(box, mass=2.0 * box.mass), request) is None
-    assert find(store, box, request, hand="another") is None
+    assert find(store, box, request, hand=load_hand("parallel_jaw")) is None
     other = PlannerSettings.from_mapping({"hpp": {"volume_weight": 0.25}})
     assert find(store, box, request, settings=other) is None
     for change in (

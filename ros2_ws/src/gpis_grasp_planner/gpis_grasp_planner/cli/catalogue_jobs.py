@@ -145,7 +145,7 @@ class Work:
             lowest = [0.0, 0.0, float(part.mesh.bounds[0][2])]
             place = Place.from_mapping({"support": {"point": lowest}})
         planner = self.planner
-        conditions = Conditions.of(part, self.request, planner.settings, planner.hand.name)
+        conditions = Conditions.of(part, self.request, planner.settings, planner.hand)
         # Plans for other places take no part: a result depends on the part and the request alone.
         found = self.store.find(
             part, conditions, self.request, place, elsewhere=False, failures=not self.again

@@ -42,13 +42,13 @@ class GraspPublishers:
         self._marker_array = node.create_publisher(MarkerArray, "grasp_markers", LATCHED_QOS)
         self._description = node.create_publisher(String, "robot_description", LATCHED_QOS)
         self._description.publish(String(data=urdf))
-        node.create_timer(MARKER_PERIOD_S, self._draw)
+        self._drawing = node.create_timer(MARKER_PERIOD_S, self._draw)
 
     def publish(self, grasps: Sequence[Grasp]) -> None:
         """Publish the first of the grasps on all topics, and where the palm is in each of them.
 
-        Its markers follow within `MARKER_PERIOD_S`: they take longer than the answer, and nobody
-        looks at more of them.
+        Its markers follow within two `MARKER_PERIOD_S`: they take longer than the answer, and
+        nobody looks at more of them.
         """
         best = grasps[0]
         palms = PoseArray(
@@ -60,12 +60,16 @@ class GraspPublishers:
             self._joints.publish(best.grasp)
             self._palm_poses.publish(palms)
             self._not_drawn = best
+            if self._drawing.is_canceled():
+                self._drawing.reset()
 
     def _draw(self) -> None:
         with self._lock:
             grasp, self._not_drawn = self._not_drawn, None
-        if grasp is not None:
-            self._marker_array.publish(self._markers.array(grasp))
+            if grasp is None:
+                self._drawing.cancel()  # it does not wake the executor until there is another
+                return
+        self._marker_array.publish(self._markers.array(grasp))
 
 
 def _mesh_uri_prefix(hand: HandDescription) -> str | None:

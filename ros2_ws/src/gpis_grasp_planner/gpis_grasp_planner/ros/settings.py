@@ -173,7 +173,7 @@ class NodeSettings(SettingsGroup):
         "between two plans.",
     )
     worker_nice: int = setting(
-        5,
+        0,
         low=0,
         high=19,
         description="How far the planning process and its children stand back behind others, the "

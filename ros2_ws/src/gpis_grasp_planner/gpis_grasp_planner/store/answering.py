@@ -73,7 +73,7 @@ def answer_with_store(
     if store is None:
         answer = planner.answer(part, request, place, known=known, monitor=monitor)
         return StoredAnswer(answer, from_store=False, kept=False)
-    conditions = Conditions.of(part, request, planner.settings, planner.hand.identity)
+    conditions = Conditions.of(part, request, planner.settings, planner.hand)
     found = None
     if known is None:
         found = store.find(part, conditions, request, place, elsewhere=elsewhere)

@@ -19,6 +19,7 @@ from typing import Any
 import gpis_grasp_planner
 from gpis_grasp_planner.disk_cache import code_version
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 
@@ -68,7 +69,9 @@ class Conditions:
         return Conditions(json.dumps(values, sort_keys=True))
 
     @staticmethod
-    def of(part: Part, request: PlanRequest, settings: PlannerSettings, hand: str) -> Conditions:
+    def of(
+        part: Part, request: PlanRequest, settings: PlannerSettings, hand: HandDescription
+    ) -> Conditions:
         """The conditions of a request for a part.
 
         Parameters
@@ -76,8 +79,7 @@ class Conditions:
         part : Part
         request : PlanRequest
         settings : PlannerSettings
-        hand : str
-            Name of its model.
+        hand : HandDescription
         """
         friction = request.friction_for(part.friction)
         decisive = {n: v for n, v in settings.as_dict().items() if n not in _NOT_DECISIVE}
@@ -89,7 +91,8 @@ class Conditions:
                 "simplified_hash": simplified,
                 "mass": float(part.mass),
                 "center_of_mass": part.center_of_mass.tolist(),
-                "hand": hand,
+                "hand": hand.name,
+                "hand_identity": hand.identity,  # with the content of files of the user's own
                 "planner": request.planner,
                 "seed": request.seed,
                 "max_evaluations": request.max_evaluations,
