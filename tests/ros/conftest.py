@@ -49,6 +49,7 @@ class NodeProcess:
         parameters: dict[str, str],
         environment: dict[str, str] | None = None,
         main: str = "main",
+        before: str = "",
     ) -> None:
         arguments = [f"{name}:={value}" for name, value in parameters.items()]
         self.log = log
@@ -59,7 +60,7 @@ class NodeProcess:
                     *(
                         ("-m", "gpis_grasp_planner.ros.node")
                         if main == "main"
-                        else ("-c", f"import gpis_grasp_planner.ros.node as n; n.{main}()")
+                        else ("-c", f"{before}import gpis_grasp_planner.ros.node as n; n.{main}()")
                     ),
                     *(["--ros-args"] if arguments else []),
                     *(word for argument in arguments for word in ("-p", argument)),
@@ -248,11 +249,12 @@ def start_node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..
         parameters: dict[str, str] | None = None,
         environment: dict[str, str] | None = None,
         main: str = "main",
+        before: str = "",
     ) -> NodeProcess:
         log = tmp_path_factory.mktemp("node") / "node.log"
         # Trials in physics take time; who wants them says so.
         quick = {"default_verification": "none", **(parameters or {})}
-        started.append(NodeProcess(log, quick, environment, main))
+        started.append(NodeProcess(log, quick, environment, main, before))
         return started[-1]
 
     yield start

@@ -132,3 +132,23 @@ def test_what_cannot_be_configured_stays_unconfigured(
     assert manager.state == State.PRIMARY_STATE_UNCONFIGURED
     assert "Not configured: " in process.text()
     assert process.end() == 0, process.text()
+
+
+def test_what_cannot_be_activated_stays_inactive_and_goes_on(
+    start_node: Callable[..., Any], client: Any, manager: Manager, parts: Path
+) -> None:
+    """A type of poses that is not installed: half of the entities are made by then."""
+    hidden = "import sys; sys.modules['vision_msgs.msg'] = None; "
+    process = start_node(
+        {"mesh_directories": f"[{parts}]", "pose_type": "detection3d_array"},
+        main="main_lifecycle",
+        before=hidden,
+    )
+    assert manager.set(Transition.TRANSITION_CONFIGURE)
+    for _ in range(2):
+        assert not manager.set(Transition.TRANSITION_ACTIVATE)
+        assert manager.state == State.PRIMARY_STATE_INACTIVE
+    assert "vision_msgs is not installed" in process.text()
+    assert not any("plan_grasp" in name for name in manager.services())
+    assert manager.set(Transition.TRANSITION_CLEANUP)
+    assert process.end() == 0, process.text()

@@ -43,7 +43,22 @@ class Interfaces:
 
     def __init__(self, node: Node, parameters: NodeParameters, planning: Planning) -> None:
         self._node = node
+        self._threads = ThreadPoolExecutor(n_threads(parameters), "request")
         before = _entities(node)
+        try:
+            self._make(node, parameters, planning)
+        except Exception:
+            self._take_note(before)
+            self.destroy()
+            raise
+        self._take_note(before)
+        node.get_logger().info(
+            f"Ready: service {node.resolve_service_name(SERVICE)}, "
+            f"{len(planning.catalogue.ids())} meshes, hand {planning.hand.name}, planning process "
+            f"{planning.supervisor.pid}."
+        )
+
+    def _make(self, node: Node, parameters: NodeParameters, planning: Planning) -> None:
         plans, hand = planning.plans, planning.hand
         poses = PoseSource(
             node, lambda: parameters.node, EstimatorFrames(planning.catalogue.sidecar)
@@ -66,7 +81,6 @@ class Interfaces:
             scenes,
             frames.transform,
         )
-        self._threads = ThreadPoolExecutor(n_threads(parameters), "request")
         PlanGraspService(node, self.answering, self._threads)
         PlanGraspAction(node, self.answering, lambda: parameters.node)
         CatalogueServices(node, plans, poses, self.answering, self._threads)
@@ -81,12 +95,10 @@ class Interfaces:
             poses,
             self.answering,
         )
-        self._made = {kind: _entities(node)[kind] - before[kind] for kind in before}
-        node.get_logger().info(
-            f"Ready: service {node.resolve_service_name(SERVICE)}, "
-            f"{len(planning.catalogue.ids())} meshes, hand {hand.name}, planning process "
-            f"{planning.supervisor.pid}."
-        )
+
+    def _take_note(self, before: dict[str, set[Any]]) -> None:
+        now = _entities(self._node)
+        self._made = {kind: now[kind] - before[kind] for kind in before}
 
     def wait_until_answered(self) -> None:
         """Until no request is in work, 3 s at most."""

@@ -7,8 +7,9 @@ services and the action up, ``deactivate`` takes them away and keeps the plans i
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
+from concurrent.futures import Future
+from queue import Queue
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
@@ -22,6 +23,25 @@ from gpis_grasp_planner.ros.text import printable
 ERRAND_LIMIT_S = 10.0
 
 
+class Errand(Future[None]):
+    """A function that another thread calls."""
+
+    def __init__(self, function: Callable[[], None]) -> None:
+        super().__init__()
+        self._function = function
+
+    def run(self) -> None:
+        """Call it, unless nobody waits any more."""
+        if not self.set_running_or_notify_cancel():
+            return
+        try:
+            self._function()
+        except Exception as error:
+            self.set_exception(error)
+        else:
+            self.set_result(None)
+
+
 class GraspPlannerLifecycleNode(LifecycleNode):
     """The grasp planner as a lifecycle node; `planner_node.spin` runs it."""
 
@@ -30,7 +50,7 @@ class GraspPlannerLifecycleNode(LifecycleNode):
         self.grasp_parameters = NodeParameters(self)
         self._planning: Planning | None = None
         self._interfaces: Interfaces | None = None
-        self._errands: list[tuple[Callable[[], None], threading.Event]] = []
+        self._errands: Queue[Errand] = Queue()
         self.get_logger().info("Unconfigured: waits for the transition 'configure'.")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -43,8 +63,12 @@ class GraspPlannerLifecycleNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Bring topics, services and the action up."""
-        self._between_spins(self._make_interfaces)
+        """Bring topics, services and the action up; FAILURE where a parameter forbids it."""
+        try:
+            self._between_spins(self._make_interfaces)
+        except GraspPlannerError as error:
+            self.get_logger().error(f"Not activated: {printable(error, 1000)}")
+            return TransitionCallbackReturn.FAILURE
         return super().on_activate(state)
 
     def _make_interfaces(self) -> None:
@@ -80,18 +104,17 @@ class GraspPlannerLifecycleNode(LifecycleNode):
 
         Entities that appear and go while rclpy's executor waits for them cost answers.
         """
-        while self._errands:
-            errand, done = self._errands.pop(0)
-            try:
-                errand()
-            finally:
-                done.set()
+        while not self._errands.empty():
+            self._errands.get().run()
 
-    def _between_spins(self, errand: Callable[[], None]) -> None:
-        done = threading.Event()
-        self._errands.append((errand, done))
-        if not done.wait(ERRAND_LIMIT_S):
-            raise TimeoutError("The executor does not spin.")
+    def _between_spins(self, function: Callable[[], None]) -> None:
+        """Have a function called there; its error is raised here."""
+        errand = Errand(function)
+        self._errands.put(errand)
+        try:
+            errand.result(ERRAND_LIMIT_S)
+        finally:
+            errand.cancel()  # what was not begun in time is not done later, in another state
 
     def close(self) -> None:
         """End the planning process and wait until all requests are answered."""
