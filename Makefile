@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-cell soak faults fuzz test lint format benchmark lock clean
+.PHONY: help setup demo demo-cell soak faults fuzz test coverage lint format benchmark lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -39,6 +39,10 @@ fuzz: setup  ## 100,000 requests made bad in random places, on a live node (1 h)
 
 test: setup lint  ## Lint, types, all tests (real processes over real DDS included)
 	@$(RUN) python -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)
+
+coverage: setup  ## Lines and branches of the planner and the node that the tests run
+	@$(RUN) python -m pytest -p pytest_cov $(TEST_PROCESSES) --cov --cov-report=term:skip-covered \
+		$(PYTEST_ARGS)
 
 lint: setup  ## ruff and mypy
 	@$(RUN) ruff check . && ruff format --check . && mypy
