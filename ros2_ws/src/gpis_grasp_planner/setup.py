@@ -24,6 +24,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/policies", ["policies/grasp_planner.policy.xml"]),
         # For other machines' package://gpis_grasp_planner/hand/models/<hand>/meshes/...
         *((f"share/{p.parent}", [str(p)]) for p in HAND_FILES),
     ],
