@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-cell soak faults fuzz test coverage lint format benchmark lock clean
+.PHONY: help setup demo demo-cell soak faults fuzz test coverage audit lint format benchmark lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -43,6 +43,9 @@ test: setup lint  ## Lint, types, all tests (real processes over real DDS includ
 coverage: setup  ## Lines and branches of the planner and the node that the tests run
 	@$(RUN) python -m pytest -p pytest_cov $(TEST_PROCESSES) --cov --cov-report=term:skip-covered \
 		$(PYTEST_ARGS)
+
+audit: setup  ## Known vulnerabilities of the locked dependencies (needs PyPI's advisories)
+	@$(RUN) eval "$$(python scripts/uv_settings.py)" && python scripts/audit.py
 
 lint: setup  ## ruff and mypy
 	@$(RUN) ruff check . && ruff format --check . && mypy
