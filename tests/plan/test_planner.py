@@ -309,13 +309,13 @@ class FirstOfferHolds:
     def finish(self, *_):
         pass
 
-    def of(self, grasp):
+    def with_trials(self, grasp):
         first = np.array_equal(grasp.T_object_palm, self.offers[0].T_object_palm)
-        return Trials((TrialOutcome("case", True),)) if first else None
+        return replace(grasp, trials=Trials((TrialOutcome("case", True),)) if first else None)
 
     @property
     def held(self):
-        return [replace(self.offers[0], trials=self.of(self.offers[0]))] if self.offers else []
+        return [self.with_trials(self.offers[0])] if self.offers else []
 
     def close(self):
         pass

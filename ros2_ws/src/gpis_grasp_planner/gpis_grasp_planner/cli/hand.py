@@ -45,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was asked for."""
-    from gpis_grasp_planner.hand.description import DEFAULT_HAND, available_hands, load_hand
+    from gpis_grasp_planner.hand.description import available_hands, load_hand
+    from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 
     if arguments.what == "list":
         for name in available_hands():

@@ -18,11 +18,11 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
 
-DEFAULT_HAND = "barrett_bh280"
 SLIDING_LEVER_M = 0.05
 _MOST_LINKS = 2
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gpis_grasp_planner.hand.description import DEFAULT_HAND
 from gpis_grasp_planner.settings import SettingsGroup, setting
+
+DEFAULT_HAND = "barrett_bh280"
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.geometry.welding import merge_equal
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
-from gpis_grasp_planner.hand.description import DEFAULT_HAND, load_hand
+from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.link_mesh import convex_hull
+from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
