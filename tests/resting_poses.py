@@ -15,6 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
+from gpis_grasp_planner.surroundings.place import Place
+
 _DIRECTIONS = 20_000
 _SAME_FACE = np.cos(np.deg2rad(2.0))
 
@@ -74,3 +78,12 @@ def _even_directions(n: int) -> NDArray[np.float64]:
     turn = np.pi * (1.0 + np.sqrt(5.0)) * k
     radius = np.sqrt(1.0 - z**2)
     return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+
+
+def place_at_rest(part: Part, where: str = "table") -> Place:
+    """The part on a plane in its most probable resting pose, or "free"."""
+    if where == "free":
+        return Place()
+    up = resting_poses(part.mesh.vertices, part.center_of_mass)[0].up
+    height = float((part.mesh.vertices @ up).min())
+    return Place(surroundings=Surroundings(SupportPlane(up * height, up)))

@@ -27,7 +27,7 @@ from scipy.stats import mannwhitneyu, spearmanr
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from resting_poses import resting_poses
+from resting_poses import place_at_rest
 
 from gpis_grasp_benchmark.shares import Share
 from gpis_grasp_benchmark.study_objects import collect
@@ -37,8 +37,6 @@ from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.warm_up import load_compiled
 from gpis_grasp_planner.quality.closing_balance import ClosingBalance
-from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
-from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.engines import ENGINES
 from gpis_grasp_planner.verification.protocol import Verifier, prepare
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -46,15 +44,6 @@ from gpis_grasp_planner.verification.settings import VerificationSettings
 RANKS = (0, 1, 2, 4, 6, 9, 12, 16)
 FINE = 4
 EDGES = (0.0, 0.01, 0.1, 0.3, 1.0, 3.0, np.inf)
-
-
-def place_of(part, where):
-    """The part on a table in its most probable resting pose, or nothing."""
-    if where == "free":
-        return Place()
-    up = resting_poses(part.mesh.vertices, part.center_of_mass)[0].up
-    height = float((part.mesh.vertices @ up).min())
-    return Place(surroundings=Surroundings(SupportPlane(up * height, up)))
 
 
 def imbalance_of(planner, part, grasp, settings):
@@ -99,7 +88,7 @@ def case(planner, part, key, arguments, n_before):
     """Plan once and try a spread of the answer; rows of the file."""
     request = PlanRequest(time_budget_s=arguments.seconds, seed=arguments.seed, verification="none")
     try:
-        grasps = planner.answer(part, request, place_of(part, key["where"])).result.grasps
+        grasps = planner.answer(part, request, place_at_rest(part, key["where"])).result.grasps
     except GraspPlannerError as error:
         return [{**key, "error": str(error)}]
     chosen = [(rank, grasps[rank]) for rank in RANKS if rank < len(grasps)]

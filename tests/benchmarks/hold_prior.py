@@ -24,15 +24,13 @@ from scipy.special import betaln
 TESTS = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(TESTS))
 
-from resting_poses import resting_poses  # noqa: E402
+from resting_poses import place_at_rest  # noqa: E402
 
 from gpis_grasp_benchmark.study_objects import collect  # noqa: E402
 from gpis_grasp_planner.errors import GraspPlannerError  # noqa: E402
 from gpis_grasp_planner.plan.planner import GraspPlanner  # noqa: E402
 from gpis_grasp_planner.plan.request import PlanRequest  # noqa: E402
 from gpis_grasp_planner.plan.warm_up import load_compiled  # noqa: E402
-from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings  # noqa: E402
-from gpis_grasp_planner.surroundings.place import Place  # noqa: E402
 from gpis_grasp_planner.verification.cases import finalist_cases  # noqa: E402
 from gpis_grasp_planner.verification.hold_model import features_of  # noqa: E402
 from gpis_grasp_planner.verification.logistic import Logistic  # noqa: E402
@@ -71,13 +69,10 @@ def collect_all(arguments: argparse.Namespace, file: Path) -> None:
     planner = GraspPlanner()
     objects = collect([Path("shipped"), *arguments.objects], (), None, arguments.bullet, 0)
     for name, part in objects.parts.items():
-        up = resting_poses(part.mesh.vertices, part.center_of_mass)[0].up
-        plane = SupportPlane(up * float((part.mesh.vertices @ up).min()), up)
-        places = {"table": Place(surroundings=Surroundings(plane)), "free": Place()}
-        for where, place in places.items():
+        for where in ("table", "free"):
             if (name, where) in done:
                 continue
-            rows = tried(planner, name, part, place, where, arguments.seconds)
+            rows = tried(planner, name, part, place_at_rest(part, where), where, arguments.seconds)
             with file.open("a") as out:
                 out.writelines(json.dumps(row) + "\n" for row in rows)
             print(name, where, ["".join("-+"[o] for o in row["passed"]) for row in rows])

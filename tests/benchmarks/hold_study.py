@@ -26,7 +26,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from resting_poses import resting_poses
+from resting_poses import place_at_rest
 
 from gpis_grasp_benchmark.shares import MeanInterval, Share
 from gpis_grasp_benchmark.study_objects import collect
@@ -34,8 +34,6 @@ from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.warm_up import load_compiled
-from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
-from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
 PLACES = ("free", "table")
@@ -75,15 +73,6 @@ def parts_of(arguments):
     return {name: found.parts[name] for name in names}
 
 
-def place_of(part, where):
-    """Free, or on a plane in the most probable resting pose."""
-    if where == "free":
-        return Place()
-    up = resting_poses(part.mesh.vertices, part.center_of_mass)[0].up
-    height = float((part.mesh.vertices @ up).min())
-    return Place(surroundings=Surroundings(SupportPlane(up * height, up)))
-
-
 def read(file):
     """Rows of a file of JSON lines."""
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
@@ -109,7 +98,7 @@ def plan(arguments):
             request = PlanRequest(time_budget_s=arguments.seconds, seed=0, verification="rank")
             start = time.monotonic()
             try:
-                result = planner.answer(part, request, place_of(part, where)).result
+                result = planner.answer(part, request, place_at_rest(part, where)).result
                 row |= {
                     "code": result.code.name,
                     "n": len(result.grasps),
