@@ -55,7 +55,7 @@ def order_text(result: PlanResult) -> str:
         rules.append("P(hold)")
     weight = result.settings["hpp"]["volume_weight"]
     rules.append(f"epsilon + {weight:g} volume")
-    return f"Best first, by {', then '.join(rules)}; # counts from 0."
+    return f"Best first by {', '.join(rules)}; # counts from 0."
 
 
 def trial_cells(grasp: Grasp) -> tuple[str, str]:
