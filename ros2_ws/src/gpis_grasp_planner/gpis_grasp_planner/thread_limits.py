@@ -46,10 +46,11 @@ def limit_threads(environment: MutableMapping[str, str] | None = None) -> None:
 def limited_threads() -> Iterator[None]:
     """Hold BLAS to the number of threads that :func:`limit_threads` set, for the whole process.
 
-    Costs nothing where it has no more; the first call looks at the libraries that are loaded (some
-    10 ms).
+    Costs nothing where it has no more; the first call looks at the libraries that are loaded (20 ms).
     """
-    number = int(os.environ.get("OMP_NUM_THREADS") or "1")
+    # OpenMP takes a list, one number for each level of nesting.
+    given = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
+    number = max(int(given), 1) if given.isdecimal() else 1
     controller = _blas()
     if all(library.num_threads <= number for library in controller.lib_controllers):
         yield

@@ -55,7 +55,7 @@ from gpis_grasp_planner.surroundings.pregrasp import narrow_pregrasp
 from gpis_grasp_planner.surroundings.support_constraint import SupportConstraint
 from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.verification.convex_cover import ConvexCover
-from gpis_grasp_planner.verification.engines import load
+from gpis_grasp_planner.verification.engines import load, second_engines
 from gpis_grasp_planner.verification.protocol import PreparedPart, Verifier
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -163,7 +163,9 @@ def load_compiled() -> None:
     compile_group("moves")
     compile_group("attempts")
     hand, settings = load_hand(DEFAULT_HAND), PlannerSettings()
-    load(settings.verification.engine, hand)
+    engine = settings.verification.engine
+    for name in (engine, *second_engines(engine)):
+        load(name, hand)
     spread_max = float(np.deg2rad(settings.adaption.spread_max_deg))
     pinches(hand, spread_max)
     triads(hand, spread_max)

@@ -82,7 +82,7 @@ class HoldModel:
         self._seen: dict[bytes, tuple[Array, Sequence[TrialOutcome]]] = {}
 
     def learn(self, grasp: Grasp, outcomes: Sequence[TrialOutcome]) -> None:
-        """Take the outcomes of a grasp so far, in place of what was told of it before (0.3 ms)."""
+        """Take the outcomes of a grasp so far, in place of what was told of it before (0.4 ms)."""
         key = grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
         self._seen[key] = features_of(grasp), tuple(outcomes)
         x = np.array([features for features, _ in self._seen.values()])

@@ -100,6 +100,7 @@ class RunningTrials:
         self.n_lost = 0
         self.model = HoldModel()
         self._turn = 0
+        self._held: list[Grasp] | None = None  # until the next verdict
 
     @property
     def n_tried(self) -> int:
@@ -109,11 +110,13 @@ class RunningTrials:
     @property
     def held(self) -> list[Grasp]:
         """Those of them that held, with their trials so far."""
-        return [
-            self.with_trials(tried.grasp)
-            for tried in self._tried.values()
-            if tried.outcomes and tried.outcomes[0].passed
-        ]
+        if self._held is None:  # asked for at every step of a search
+            self._held = [
+                self.with_trials(tried.grasp)
+                for tried in self._tried.values()
+                if tried.outcomes and tried.outcomes[0].passed
+            ]
+        return self._held
 
     def offer(self, grasps: Sequence[Grasp]) -> None:
         """Replace the list of grasps that wait, best first. Trials that run are not ended."""
@@ -186,6 +189,8 @@ class RunningTrials:
 
     def _next(self) -> _Job | None:
         """The trial whose turn it is among those that were offered and wait."""
+        if not any(self._n_left(t) and not t.running for t in self._offered):
+            return None
         chosen = next_arm([self._arm(tried) for tried in self._offered], self._turn)
         if chosen is None:
             return None
@@ -193,14 +198,16 @@ class RunningTrials:
         tried = self._offered[chosen]
         return _Job(tried, len(tried.outcomes), self._clock())
 
-    def _arm(self, tried: _Tried) -> Arm:
-        """A grasp in the race; out of it once its deciding case failed, or its trials are lost."""
-        n_left = len(self._cases) - len(tried.outcomes)
+    def _n_left(self, tried: _Tried) -> int:
+        """Cases left; none once the deciding one failed, or the trials of the grasp are lost."""
         failed = bool(tried.outcomes) and not tried.outcomes[0].passed
         if failed or tried.lost >= _MOST_LOST or tried.grasp.trials is not None:
-            n_left = 0
+            return 0
+        return len(self._cases) - len(tried.outcomes)
+
+    def _arm(self, tried: _Tried) -> Arm:
         posterior = self.model.posterior(tried.grasp, tried.outcomes)
-        return Arm(posterior, len(tried.outcomes), n_left, tried.running)
+        return Arm(posterior, len(tried.outcomes), self._n_left(tried), tried.running)
 
     def _take(self, ready: Any) -> None:
         child, job = self._working.pop(ready)
@@ -213,6 +220,7 @@ class RunningTrials:
         self._cover.take(pieces)  # later children and plans need not make them again
         job.tried.outcomes.append(self._cases[job.case].outcome(verdict))
         self.model.learn(job.tried.grasp, job.tried.outcomes)
+        self._held = None
         self._idle.append(child)
 
     def _end_late_ones(self) -> None:
