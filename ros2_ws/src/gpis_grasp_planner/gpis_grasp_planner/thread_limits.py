@@ -46,7 +46,8 @@ def limit_threads(environment: MutableMapping[str, str] | None = None) -> None:
 def limited_threads() -> Iterator[None]:
     """Hold BLAS to the number of threads that :func:`limit_threads` set, for the whole process.
 
-    Costs nothing where it has no more; the first call looks at the libraries that are loaded (20 ms).
+    Costs nothing where it has no more; the first call looks at the libraries that are loaded
+    (20 ms).
     """
     # OpenMP takes a list, one number for each level of nesting.
     given = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
