@@ -131,7 +131,12 @@ class Monitor:
             self._phase = outer
 
     def update(self, **figures: Any) -> None:
-        """Set figures of the coming reports: fields of Progress by name."""
+        """Set figures of the coming reports: fields of Progress by name.
+
+        A further grasp that held is told at the next :meth:`stopped`, whenever the last report was.
+        """
+        if figures.get("n_held", 0) > self._figures.get("n_held", 0):
+            self._due = self.now()
         self._figures.update(figures)
 
     def stopped(self) -> bool:

@@ -236,6 +236,8 @@ class PlanRun:
         left = self._deadline - began
         share = self.settings.verification.budget_share if self._trials is not None else 0.0
         end, looked_at, offer_at, stepped = began, began, began, False
+        if self._trials is not None and limit is None:
+            self._trials.begin(processes_beside_a_search(self.settings.verification))
         with monitor.phase(Phase.SEARCHING):
             while not self._search.finished and not monitor.stopped():
                 now = monitor.now()

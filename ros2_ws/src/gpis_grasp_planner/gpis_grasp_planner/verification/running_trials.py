@@ -118,6 +118,11 @@ class RunningTrials:
             ]
         return self._held
 
+    def begin(self, processes: int) -> None:
+        """Fork the children before there is a grasp: the engine's world takes 0.1 s to make."""
+        while len(self._idle) + len(self._working) < processes:
+            self._idle.append(ForkedChild(self._serve))
+
     def offer(self, grasps: Sequence[Grasp]) -> None:
         """Replace the list of grasps that wait, best first. Trials that run are not ended."""
         self._offered = [self._tried.setdefault(_key(g), _Tried(g)) for g in grasps]
@@ -263,18 +268,22 @@ def _serve(
     with ExitStack() as owned:
         verifiers: dict[str, Verifier] = {}  # by engine; the second one only if it is asked for
 
-        def answer(job: tuple[Grasp, int]) -> Verification:
-            grasp, case = job[0], cases[job[1]]
+        def verifier_for(case: TrialCase) -> Verifier:
             engine = case.settings.engine
             if engine not in verifiers:
                 made = Verifier(part, hand, case.settings, prepared)
                 verifiers[engine] = owned.enter_context(made)
-            verifier = verifiers[engine]
+            return verifiers[engine]
+
+        def answer(job: tuple[Grasp, int]) -> Verification:
+            grasp, case = job[0], cases[job[1]]
+            verifier = verifier_for(case)
             verifier.use(case.settings)
             if case.displacement is None:
                 return verifier.verify(grasp)
             return verifier.verify_displaced(grasp, case.displacement)
 
+        verifier_for(cases[0])  # while there is nothing to try yet
         told = prepared.cover.is_complete()
         sent = len(prepared.cover.pieces)
         while True:
