@@ -1,5 +1,6 @@
 """The three-finger adaptive gripper: links that close one after the other, up to their stops."""
 
+import runpy
 import shutil
 
 import numpy as np
@@ -16,6 +17,7 @@ from gpis_grasp_planner.hand.drive import (
     touch_motors,
 )
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.link_mesh import read_stl
 from gpis_grasp_planner.hand.mirror import hand_mirror
 
 STOPS = np.array([75.0, 90.0, 55.0])  # proximal, middle, distal [deg]
@@ -107,10 +109,23 @@ def test_open_fingers_and_one_that_stands_straight(hand):
         assert T[each.links[0], :3, 1] @ T[each.knuckle_link, :3, 0] == pytest.approx(-1.0)
 
 
+def test_the_shipped_files_are_what_the_generator_writes(hand, tmp_path):
+    folder = hand.urdf_path.parent
+    runpy.run_path(str(folder / "build_model.py"))["write_model"](tmp_path)
+    written = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
+    assert len(written) == 7
+    for name in written:
+        if name.suffix == ".urdf":
+            assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+        else:  # hulls may list their faces in another order on another SciPy
+            fresh, kept = read_stl(tmp_path / name), read_stl(folder / name)
+            np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
+
+
 def test_it_has_no_fault_and_one_plane_of_symmetry(hand):
     assert faults_of(hand) == []
     np.testing.assert_array_equal(hand_mirror(hand), np.diag([-1.0, 1.0, 1.0, 1.0]))
-    assert (hand.drive.tip_force_n, hand.drive.holding_force_n) == (25.0, 40.0)
+    assert (hand.drive.tip_force_n, hand.drive.holding_force_n) == (25.0, 120.0)
     assert load_hand().drive.tip_force_n is None
 
 
@@ -126,7 +141,7 @@ def test_it_has_no_fault_and_one_plane_of_symmetry(hand):
     ],
 )
 def test_tables_that_do_not_fit_are_refused(hand, tmp_path, old, new, said):
-    shutil.copy(hand.urdf_path, tmp_path)
+    shutil.copytree(hand.urdf_path.parent, tmp_path, dirs_exist_ok=True)
     text = hand.yaml_path.read_text()
     assert old in text
     path = tmp_path / "mine.yaml"

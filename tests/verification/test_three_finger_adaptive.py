@@ -66,12 +66,15 @@ def test_a_free_finger_closes_link_after_link(engine, make_box) -> None:
 
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_an_enclosed_box_is_held_as_it_was_planned(engine, make_box) -> None:
-    """Proximal and middle links close about it, and the tips behind it."""
+@pytest.mark.parametrize(
+    ("height", "links"), [(0.21, 1), (0.112, 3)], ids=["between fingertips", "enclosed"]
+)
+def test_a_box_is_held_as_it_was_planned(engine, height, links, make_box) -> None:
+    """One finger against two: the gears of the one hold what the others press with."""
     part = make_box(0.07, 0.05, 0.04)
-    grasp = grasp_of(part, np.array([0.0, 0.0, 0.112]))
+    grasp = grasp_of(part, np.array([0.0, 0.0, height]))
     q = grasp.joints[HAND.finger_joints]
-    assert (q > 0.1).all()
+    assert ((q > 0.1).sum(axis=1) == links).all()
     [verdict] = verify(part, HAND, [grasp], VerificationSettings(engine=engine))
     print(np.degrees(q).round(1), verdict)
     assert verdict.held, verdict.cause

@@ -35,6 +35,9 @@ class Drive:
     advances_at_stop : bool
         Whether a joint that comes to its stop is held there, and the next row goes on; else the
         finger ends.
+    self_locking : bool
+        Whether a joint that is pushed back stands still; else its motor presses back with the
+        holding force.
     coupled : bool
         One motor moves all fingers by the same amount (docs/hands.md).
     breakaway_torque : float [N m]
@@ -52,6 +55,7 @@ class Drive:
     motor_speed: Array
     closing_ratio: Array
     advances_at_stop: bool
+    self_locking: bool
     coupled: bool
     breakaway_torque: float
     tip_force_n: float | None
@@ -97,6 +101,7 @@ def read_drive(data: Mapping[str, Any], n_links: int) -> Drive:
         motor_speed=upper / np.array(data["full_travel_s"], dtype=float),
         closing_ratio=_closing_ratio(data, n_links),
         advances_at_stop=bool(data.get("advances_at_stop", False)),
+        self_locking=bool(data.get("self_locking", False)),
         coupled=bool(data.get("coupled", False)),
         breakaway_torque=float(data.get("breakaway_torque", 0.0)),
         tip_force_n=None if forces[0] is None else float(forces[0]),

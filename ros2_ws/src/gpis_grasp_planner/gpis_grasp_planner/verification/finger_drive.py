@@ -6,7 +6,8 @@ breakaway torque (the Barrett's TorqueSwitch): its joint and those before it are
 gears, and the next row goes on, until the outermost link presses with the full tip force. Where a
 link outwards of all that could be held meets the object first, the finger presses as one, with the
 same force at the tip. A joint at its stop is held as well, if the hand advances at stops. A joint
-that is pushed back resists with the holding force.
+that is pushed back resists with the holding force; if its gears lock themselves it stands where it
+was, else the motor presses back.
 
 A finger of one link has one row only. The jaws of a coupled hand close each by
 itself, and the hand is placed so that both arrive at once; what one motor does to a part that lies
@@ -46,6 +47,7 @@ class _State:
     phase: Phase = Phase.CLOSING
     row: int = 0  # of the closing table; the joints before it are held
     base: tuple[float, ...] = ()  # of the followers, where the leading joint is at 0
+    held: tuple[float, ...] = ()  # where the joints before the row are, and of an ended finger all
     driven_back: bool = False
     stalled_s: float = 0.0
     furthest: float = 0.0
@@ -117,9 +119,11 @@ class FingerDrive:
         """
         states = self.engine.joint_states(self._joints)
         state = self._state
+        angles = [angle for angle, _ in states]
+        if self._drive.self_locking:
+            self._stand(angles)
         if state.phase is Phase.ENDED:
             return
-        angles = [angle for angle, _ in states]
         self._follow(angles)
         position, speed = states[state.row]
         stalled = state.stalled_s + elapsed_s if speed < _STALLED * self.speed else 0.0
@@ -128,7 +132,7 @@ class FingerDrive:
             self._go_on(state.row + 1, angles)
             self._close()
         elif position >= self._upper[state.row]:
-            self._state = replace(state, phase=Phase.ENDED)
+            self._state = replace(state, phase=Phase.ENDED, held=tuple(angles))
             self._end()
         elif state.phase is Phase.PRESSING:
             furthest = max(state.furthest, position)
@@ -148,7 +152,7 @@ class FingerDrive:
 
     def hold(self) -> None:
         """Stay where it is, whatever it is pushed with up to its holding force."""
-        self._state = replace(self._state, phase=Phase.ENDED)
+        self._state = replace(self._state, phase=Phase.ENDED, held=tuple(self._angles()))
         self._end()
 
     def _angles(self) -> list[float]:
@@ -165,7 +169,8 @@ class FingerDrive:
         ratio = self._drive.closing_ratio[row]
         base = tuple(float(q - r * angles[row]) for q, r in zip(angles, ratio, strict=True))
         phase = Phase.CURLING if row == self._n - 1 else Phase.CLOSING
-        self._state = _State(phase=phase, row=row, base=base)
+        held = self._state.held + tuple(angles[len(self._state.held) : row])
+        self._state = _State(phase=phase, row=row, base=base, held=held)
 
     def _close(self) -> None:
         """Move by the present row: with the torque that frees a link, the last row with the tip's.
@@ -174,7 +179,7 @@ class FingerDrive:
         """
         row = self._state.row
         last = row == self._n - 1 and self._n > 1
-        self._lead(self.tip_torque[row] if last else self.breakaway_torque[row])
+        self._lead(self.tip_torque[row] if last else self.breakaway_torque[row], self._speed())
         for k in range(row + 1, self._n):
             speed = self._speed() * float(self._drive.closing_ratio[row, k])
             self.engine.motor(self._joints[k], speed, self.hold_torque[k])
@@ -184,12 +189,12 @@ class FingerDrive:
         travel = self._drive.row_travel
         return self.speed * float(travel[0] / travel[self._state.row])
 
-    def _lead(self, torque: float) -> None:
+    def _lead(self, torque: float, speed: float) -> None:
         """Hold the joints before the row and move its first."""
         row = self._state.row
         for k in range(row):
             self.engine.motor(self._joints[k], 0.0, self.hold_torque[k])
-        self.engine.motor(self._joints[row], self._speed(), torque)
+        self.engine.motor(self._joints[row], speed, torque)
 
     def _follow(self, angles: Sequence[float]) -> None:
         """Keep the joints outwards of the leading one to their ratios."""
@@ -204,9 +209,20 @@ class FingerDrive:
                 self.hold_torque[k],
             )
 
+    def _stand(self, angles: Sequence[float]) -> None:
+        """Bring joints with gears that lock themselves back to where they were held."""
+        state = self._state
+        wanted = dict(enumerate(state.held))
+        if state.driven_back:
+            wanted[state.row] = state.furthest
+        for k, angle in wanted.items():
+            speed = _COUPLING_GAIN * (angle - angles[k])
+            self.engine.motor(self._joints[k], speed, self.hold_torque[k])
+
     def _press(self) -> None:
         torque = self.hold_torque if self._state.driven_back else self.tip_torque
-        self._lead(torque[self._state.row])
+        stands = self._drive.self_locking and self._state.driven_back
+        self._lead(torque[self._state.row], 0.0 if stands else self._speed())
 
     def _end(self) -> None:
         for joint, torque in zip(self._joints, self.hold_torque, strict=True):
