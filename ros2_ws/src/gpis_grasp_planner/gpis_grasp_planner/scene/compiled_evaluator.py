@@ -18,6 +18,7 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import Attempts, Postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.preshape import spread_of
 from gpis_grasp_planner.quality.fast_epsilon import start_directions
 from gpis_grasp_planner.scene.approach import approach_many
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
@@ -97,10 +98,11 @@ class CompiledEvaluator:
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
         """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [rad]; see the protocol."""
         n, n_fingers = len(motors), len(self.hand.fingers)
+        n_inner = max(1, self.hand.drive.n_links - 1)
         result = Postures(
             joints=np.zeros((n, self.hand.n_joints)),
-            points=np.zeros((n, n_fingers, 2, 3)),
-            inner_touches=np.zeros((n, n_fingers), dtype=np.bool_),
+            points=np.zeros((n, n_fingers, 1 + n_inner, 3)),
+            inner_touches=np.zeros((n, n_fingers, n_inner), dtype=np.bool_),
         )
         postures_many(
             self._hand,
@@ -140,9 +142,7 @@ class CompiledEvaluator:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]; see the protocol."""
         T = self._own(T_object_palm)
         start = np.ascontiguousarray(joints, dtype=float)
-        spreading = self._hand.spread_joints
-        spread = start[:, spreading].mean(axis=1) if len(spreading) else np.zeros(len(start))
-        result = self._attempts(T, spread, start)
+        result = self._attempts(T, spread_of(self.hand, start), start)
         attempt_many_from(self._hand, self._object, T, start, True, *self._measures(result))
         self._n_attempts += len(T)
         return result
