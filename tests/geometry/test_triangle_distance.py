@@ -9,7 +9,7 @@ from gpis_grasp_planner.geometry.triangle_distance import nearest_on_triangle
 
 def nearest(p, triangle):
     out = np.empty(3)
-    squared, inside = nearest_on_triangle(*p, *triangle, out)
+    squared, inside = nearest_on_triangle(*p, np.ascontiguousarray(triangle)[None], 0, out)
     return out, squared, inside
 
 

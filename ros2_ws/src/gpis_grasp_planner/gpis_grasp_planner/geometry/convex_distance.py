@@ -9,18 +9,18 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
-from gpis_grasp_planner.geometry.gjk import polytope_distance
+from gpis_grasp_planner.geometry.gjk import columns_distance, scratch_of
 
 
-@njit(inline="always")
-def _box_gap(R, t, box_low, box_high, low, high):  # type: ignore[no-untyped-def]
+@njit(allocates=False)
+def _box_gap(R, t, box_low, box_high, lower, upper, node):  # type: ignore[no-untyped-def]
     """Lower bound of the distance between a link's box (in its frame) and a node's box."""
-    cx = 0.5 * (low[0] + high[0]) - t[0]
-    cy = 0.5 * (low[1] + high[1]) - t[1]
-    cz = 0.5 * (low[2] + high[2]) - t[2]
-    ex = 0.5 * (high[0] - low[0])
-    ey = 0.5 * (high[1] - low[1])
-    ez = 0.5 * (high[2] - low[2])
+    cx = 0.5 * (lower[node, 0] + upper[node, 0]) - t[0]
+    cy = 0.5 * (lower[node, 1] + upper[node, 1]) - t[1]
+    cz = 0.5 * (lower[node, 2] + upper[node, 2]) - t[2]
+    ex = 0.5 * (upper[node, 0] - lower[node, 0])
+    ey = 0.5 * (upper[node, 1] - lower[node, 1])
+    ez = 0.5 * (upper[node, 2] - lower[node, 2])
     total = 0.0
     for a in range(3):
         middle = R[0, a] * cx + R[1, a] * cy + R[2, a] * cz
@@ -31,15 +31,22 @@ def _box_gap(R, t, box_low, box_high, low, high):  # type: ignore[no-untyped-def
     return np.sqrt(total)
 
 
-@njit
-def _lowest(vertices, nx, ny, nz):  # type: ignore[no-untyped-def]
+@njit(allocates=False)
+def _lowest(columns, n, nx, ny, nz):  # type: ignore[no-untyped-def]
     low = np.inf
-    for i in range(vertices.shape[0]):
-        low = min(low, nx * vertices[i, 0] + ny * vertices[i, 1] + nz * vertices[i, 2])
+    for i in range(n):
+        low = min(low, nx * columns[0, i] + ny * columns[1, i] + nz * columns[2, i])
     return low
 
 
-@njit(inline="always")
+@njit(allocates=False)
+def _take_triangle(triangles, f, triangle):  # type: ignore[no-untyped-def]
+    for k in range(3):
+        for c in range(3):
+            triangle[k, c] = triangles[f, k, c]
+
+
+@njit(allocates=False)
 def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
     return max(
         nx * t[0, 0] + ny * t[0, 1] + nz * t[0, 2],
@@ -48,6 +55,23 @@ def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
             nx * t[2, 0] + ny * t[2, 1] + nz * t[2, 2],
         ),
     )
+
+
+@njit(allocates=False)
+def _farthest(lower, upper, node, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Largest height of a node's box along a direction."""
+    return (
+        nx * (upper[node, 0] if nx > 0 else lower[node, 0])
+        + ny * (upper[node, 1] if ny > 0 else lower[node, 1])
+        + nz * (upper[node, 2] if nz > 0 else lower[node, 2])
+    )
+
+
+@njit(allocates=False)
+def _columns_of(vertices, columns):  # type: ignore[no-untyped-def]
+    for i in range(vertices.shape[0]):
+        for c in range(3):
+            columns[c, i] = vertices[i, c]
 
 
 @njit
@@ -75,8 +99,13 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     direction = np.zeros(3)
     p = np.empty(3)
     q = np.empty(3)
+    triangle = np.empty((3, 3))
+    n = vertices.shape[0]
+    columns, heights, scratch = scratch_of(n)
+    _columns_of(vertices, columns)
     if seed >= 0:
-        d = polytope_distance(vertices, triangles[seed], 1e30, direction, p, q)
+        _take_triangle(triangles, seed, triangle)
+        d = columns_distance(columns, n, heights, triangle, 3, 1e30, direction, p, q, scratch)
         if d <= 0.0:
             return 0.0
     # separating plane of the best pair so far: all of the polytope has n.x >= plane
@@ -86,27 +115,19 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-        plane = _lowest(vertices, nx, ny, nz)
+        plane = _lowest(columns, n, nx, ny, nz)
         have_plane = True
     while top > 0:
         top -= 1
         node = stack[top]
-        low = lower[node]
-        high = upper[node]
-        if have_plane:
-            farthest = (
-                nx * (high[0] if nx > 0 else low[0])
-                + ny * (high[1] if ny > 0 else low[1])
-                + nz * (high[2] if nz > 0 else low[2])
-            )
-            if plane - farthest >= best:
-                continue
-        if _box_gap(R, t, box_low, box_high, low, high) >= best:
+        if have_plane and plane - _farthest(lower, upper, node, nx, ny, nz) >= best:
+            continue
+        if _box_gap(R, t, box_low, box_high, lower, upper, node) >= best:
             continue
         if child[node, 0] >= 0:
             a, b = child[node, 0], child[node, 1]
-            ga = _box_gap(R, t, box_low, box_high, lower[a], upper[a])
-            gb = _box_gap(R, t, box_low, box_high, lower[b], upper[b])
+            ga = _box_gap(R, t, box_low, box_high, lower, upper, a)
+            gb = _box_gap(R, t, box_low, box_high, lower, upper, b)
             if ga < gb:
                 a, b = b, a
             stack[top] = a
@@ -115,15 +136,16 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
             continue
         first = -1 - child[node, 0]
         for f in range(first, first + child[node, 1]):
-            if have_plane and plane - _highest(triangles[f], nx, ny, nz) >= best:
+            _take_triangle(triangles, f, triangle)
+            if have_plane and plane - _highest(triangle, nx, ny, nz) >= best:
                 continue
-            d = polytope_distance(vertices, triangles[f], best, direction, p, q)
+            d = columns_distance(columns, n, heights, triangle, 3, best, direction, p, q, scratch)
             if d <= 0.0:
                 return 0.0
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                plane = _lowest(vertices, nx, ny, nz)
+                plane = _lowest(columns, n, nx, ny, nz)
                 have_plane = True
     return best
 
@@ -144,6 +166,10 @@ def near_pairs(
     direction = np.zeros(3)
     p = np.empty(3)
     q = np.empty(3)
+    triangle = np.empty((3, 3))
+    n = vertices.shape[0]
+    columns, heights, scratch = scratch_of(n)
+    _columns_of(vertices, columns)
     # the separating plane of the nearest pair so far; what lies `limit` behind it is too far
     nx = ny = nz = 0.0
     plane = -np.inf
@@ -151,17 +177,9 @@ def near_pairs(
     while top > 0:
         top -= 1
         node = stack[top]
-        low = lower[node]
-        high = upper[node]
-        if nearest < limit:
-            farthest = (
-                nx * (high[0] if nx > 0 else low[0])
-                + ny * (high[1] if ny > 0 else low[1])
-                + nz * (high[2] if nz > 0 else low[2])
-            )
-            if plane - farthest >= limit:
-                continue
-        if _box_gap(R, t, box_low, box_high, low, high) >= limit:
+        if nearest < limit and plane - _farthest(lower, upper, node, nx, ny, nz) >= limit:
+            continue
+        if _box_gap(R, t, box_low, box_high, lower, upper, node) >= limit:
             continue
         if child[node, 0] >= 0:
             stack[top] = child[node, 0]
@@ -170,9 +188,10 @@ def near_pairs(
             continue
         first = -1 - child[node, 0]
         for f in range(first, first + child[node, 1]):
-            if nearest < limit and plane - _highest(triangles[f], nx, ny, nz) >= limit:
+            _take_triangle(triangles, f, triangle)
+            if nearest < limit and plane - _highest(triangle, nx, ny, nz) >= limit:
                 continue
-            d = polytope_distance(vertices, triangles[f], limit, direction, p, q)
+            d = columns_distance(columns, n, heights, triangle, 3, limit, direction, p, q, scratch)
             if 0.0 < d < limit and count < p_self.shape[0]:
                 for c in range(3):
                     p_self[count, c] = p[c]
@@ -181,5 +200,5 @@ def near_pairs(
                 if d < nearest:
                     nearest = d
                     nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                    plane = _lowest(vertices, nx, ny, nz)
+                    plane = _lowest(columns, n, nx, ny, nz)
     return count

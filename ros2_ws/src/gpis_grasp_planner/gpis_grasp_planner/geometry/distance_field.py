@@ -107,7 +107,7 @@ def _splat(triangles, first, origin, spacing, band, squared, nearest):  # type: 
                 p[1] = origin[1] + j * spacing
                 for k in range(lower[2], upper[2] + 1):
                     p[2] = origin[2] + k * spacing
-                    d2, _ = nearest_on_triangle(p[0], p[1], p[2], a, b, c, q)
+                    d2, _ = nearest_on_triangle(p[0], p[1], p[2], triangles, f, q)
                     if d2 <= band * band and d2 < squared[i, j, k]:
                         squared[i, j, k] = d2
                         nearest[i, j, k] = first + f
@@ -124,8 +124,7 @@ def _fill_far(triangles, origin, spacing, nearest, index, squared):  # type: ign
                 if nearest[i, j, k] < 0:
                     p[2] = origin[2] + k * spacing
                     f = nearest[index[0, i, j, k], index[1, i, j, k], index[2, i, j, k]]
-                    t = triangles[f]
-                    squared[i, j, k], _ = nearest_on_triangle(p[0], p[1], p[2], t[0], t[1], t[2], q)
+                    squared[i, j, k], _ = nearest_on_triangle(p[0], p[1], p[2], triangles, f, q)
 
 
 def _votes(

@@ -5,27 +5,30 @@ from __future__ import annotations
 from gpis_grasp_planner.compiled import njit
 
 
-@njit
-def nearest_on_triangle(px, py, pz, a, b, c, out):  # type: ignore[no-untyped-def]
-    """Nearest point of the triangle a, b, c (3,) to p, into `out` (3,).
+@njit(allocates=False)
+def nearest_on_triangle(px, py, pz, triangles, f, out):  # type: ignore[no-untyped-def]
+    """Nearest point of triangle f of `triangles` (m, 3, 3) to p, into `out` (3,).
 
     Found by the Voronoi regions of the triangle's features. Returns the squared distance, and
     whether the point lies strictly inside the face (not on an edge or a corner). A triangle
     without area has its corner a as nearest point where no edge decides.
     """
-    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    apx, apy, apz = px - a[0], py - a[1], pz - a[2]
+    ax, ay, az = triangles[f, 0, 0], triangles[f, 0, 1], triangles[f, 0, 2]
+    bx, by, bz = triangles[f, 1, 0], triangles[f, 1, 1], triangles[f, 1, 2]
+    cx, cy, cz = triangles[f, 2, 0], triangles[f, 2, 1], triangles[f, 2, 2]
+    abx, aby, abz = bx - ax, by - ay, bz - az
+    acx, acy, acz = cx - ax, cy - ay, cz - az
+    apx, apy, apz = px - ax, py - ay, pz - az
     d1 = abx * apx + aby * apy + abz * apz
     d2 = acx * apx + acy * apy + acz * apz
     inside = False
     if d1 <= 0.0 and d2 <= 0.0:
         v, w = 0.0, 0.0
     else:
-        bpx, bpy, bpz = px - b[0], py - b[1], pz - b[2]
+        bpx, bpy, bpz = px - bx, py - by, pz - bz
         d3 = abx * bpx + aby * bpy + abz * bpz
         d4 = acx * bpx + acy * bpy + acz * bpz
-        cpx, cpy, cpz = px - c[0], py - c[1], pz - c[2]
+        cpx, cpy, cpz = px - cx, py - cy, pz - cz
         d5 = abx * cpx + aby * cpy + abz * cpz
         d6 = acx * cpx + acy * cpy + acz * cpz
         va = d3 * d6 - d5 * d4
@@ -50,6 +53,6 @@ def nearest_on_triangle(px, py, pz, a, b, c, out):  # type: ignore[no-untyped-de
                 v, w = vb / total, vc / total
                 inside = True
     x, y, z = v * abx + w * acx, v * aby + w * acy, v * abz + w * acz
-    out[0], out[1], out[2] = a[0] + x, a[1] + y, a[2] + z
+    out[0], out[1], out[2] = ax + x, ay + y, az + z
     x, y, z = apx - x, apy - y, apz - z
     return x * x + y * y + z * z, inside

@@ -161,11 +161,11 @@ def _set_boxes(triangles, child, nodes, lower, upper):  # type: ignore[no-untype
                     upper[node, d] = max(upper[node, d], triangles[t, k, d])
 
 
-@njit
-def _box_distance2(px, py, pz, low, high):  # type: ignore[no-untyped-def]
-    x = max(low[0] - px, max(0.0, px - high[0]))
-    y = max(low[1] - py, max(0.0, py - high[1]))
-    z = max(low[2] - pz, max(0.0, pz - high[2]))
+@njit(allocates=False)
+def _box_distance2(px, py, pz, lower, upper, node):  # type: ignore[no-untyped-def]
+    x = max(lower[node, 0] - px, max(0.0, px - upper[node, 0]))
+    y = max(lower[node, 1] - py, max(0.0, py - upper[node, 1]))
+    z = max(lower[node, 2] - pz, max(0.0, pz - upper[node, 2]))
     return x * x + y * y + z * z
 
 
@@ -185,13 +185,12 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
     while top > 0:
         top -= 1
         node = stack[top]
-        if _box_distance2(px, py, pz, lower[node], upper[node]) >= best:
+        if _box_distance2(px, py, pz, lower, upper, node) >= best:
             continue
         if child[node, 0] < 0:
             first = -1 - child[node, 0]
             for f in range(first, first + child[node, 1]):
-                t = triangles[f]
-                d2, inside = nearest_on_triangle(px, py, pz, t[0], t[1], t[2], q)
+                d2, inside = nearest_on_triangle(px, py, pz, triangles, f, q)
                 if d2 < best:
                     best = d2
                     found = f
@@ -199,8 +198,8 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
                     out[0], out[1], out[2] = q[0], q[1], q[2]
         else:
             a, b = child[node, 0], child[node, 1]
-            da = _box_distance2(px, py, pz, lower[a], upper[a])
-            db = _box_distance2(px, py, pz, lower[b], upper[b])
+            da = _box_distance2(px, py, pz, lower, upper, a)
+            db = _box_distance2(px, py, pz, lower, upper, b)
             if da < db:
                 a, b = b, a
             stack[top] = a

@@ -42,7 +42,7 @@ _WATCHED_STEP = 0.08
 _UNWATCHED = 0.08
 
 
-@njit
+@njit(allocates=False)
 def _move_finger(hand, finger, held, s, base, q, R, t):  # type: ignore[no-untyped-def]
     """Put the finger's free joints where they are with the first of them at `s`, into q (D,)."""
     for k in range(held, hand.finger_link.shape[1]):
@@ -151,7 +151,7 @@ def _advance(hand, obj, finger, held, start, base, q, gap, R, t, work):  # type:
     return free, nearest
 
 
-@njit
+@njit(allocates=False)
 def _first_row(hand, finger, joints, q, base, R, t):  # type: ignore[no-untyped-def]
     """The row in which a finger starts from `joints`, beyond its stops; fills q and base (D,)."""
     n = hand.finger_link.shape[1]

@@ -10,7 +10,7 @@ _OVERLAP = 1e-6
 _LIMIT = 1e-4
 
 
-@njit
+@njit(allocates=False)
 def hand_meets_itself(hand, R, t, work, other):  # type: ignore[no-untyped-def]
     """Whether a finger overlaps another one or the palm."""
     for finger in range(hand.finger_link.shape[0]):
@@ -19,7 +19,7 @@ def hand_meets_itself(hand, R, t, work, other):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit
+@njit(allocates=False)
 def hand_is_free(hand, obj, R, t, work, other):  # type: ignore[no-untyped-def]
     """Whether a placed hand collides neither with the object nor with itself."""
     if hand_gap(hand, obj, R, t, _LIMIT, work) <= 0.0:

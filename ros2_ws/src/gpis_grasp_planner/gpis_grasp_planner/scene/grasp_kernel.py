@@ -24,7 +24,7 @@ TOO_FEW_CONTACTS = 3
 NO_WAY_BACK = 4
 
 
-@njit
+@njit(allocates=False)
 def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type: ignore[no-untyped-def]
     """As `quality.wrench_space.contact_wrenches`, into out (k * edges, 6)."""
     for i in range(k):
@@ -57,7 +57,7 @@ def pyramid_wrenches(obj, positions, normals, friction, k, edges, out):  # type:
             row[5] = (px * fy - py * fx) / obj.torque_scale
 
 
-@njit
+@njit(allocates=False)
 def attempt_from(
     hand, obj, T, start, check_start, gap, threshold, edges, retreat, directions, n_starts,
     n_starts_good, joints, positions, normals, friction, links, R, t, work, other, wrenches,
@@ -67,7 +67,8 @@ def attempt_from(
     With `check_start` the fingers must not meet each other in it, either. The palm of a coupled
     hand is moved in T (`scene.centring`). Returns (status, contacts, epsilon, volume).
     """
-    joints[:] = start
+    for j in range(start.shape[0]):
+        joints[j] = start[j]
     place_hand(hand, joints, T, R, t)
     if hand_gap(hand, obj, R, t, threshold, work) <= 0.0:
         return PALM_COLLISION, 0, -1.0, 0.0

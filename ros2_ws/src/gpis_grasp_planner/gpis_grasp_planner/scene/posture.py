@@ -11,51 +11,46 @@ from gpis_grasp_planner.geometry.gjk import polytope_distance
 from gpis_grasp_planner.geometry.triangle_tree import nearest_point
 
 
-@njit
+@njit(allocates=False)
 def place_link(hand, link, angle, R, t):  # type: ignore[no-untyped-def]
     """Pose of one link from its parent's pose, in place in R (L, 3, 3) and t (L, 3).
 
     `angle` [rad] is a way [m] where the link's joint slides.
     """
     parent = hand.parent[link]
-    Rp = R[parent]
-    tp = t[parent]
-    Rj = hand.R_parent_joint[link]
-    tj = hand.t_parent_joint[link]
+    tx, ty, tz = (
+        hand.t_parent_joint[link, 0], hand.t_parent_joint[link, 1], hand.t_parent_joint[link, 2]
+    )  # fmt: skip
     for a in range(3):
-        t[link, a] = tp[a] + Rp[a, 0] * tj[0] + Rp[a, 1] * tj[1] + Rp[a, 2] * tj[2]
+        t[link, a] = (
+            t[parent, a] + R[parent, a, 0] * tx + R[parent, a, 1] * ty + R[parent, a, 2] * tz
+        )
+    for a in range(3):
+        for b in range(3):
+            R[link, a, b] = (
+                R[parent, a, 0] * hand.R_parent_joint[link, 0, b]
+                + R[parent, a, 1] * hand.R_parent_joint[link, 1, b]
+                + R[parent, a, 2] * hand.R_parent_joint[link, 2, b]
+            )
+    x, y, z = hand.axis[link, 0], hand.axis[link, 1], hand.axis[link, 2]
     if hand.slides[link]:
-        axis = hand.axis[link]
         for a in range(3):
-            for b in range(3):
-                R[link, a, b] = Rp[a, 0] * Rj[0, b] + Rp[a, 1] * Rj[1, b] + Rp[a, 2] * Rj[2, b]
-            for b in range(3):
-                t[link, a] += angle * R[link, a, b] * axis[b]
+            t[link, a] += angle * R[link, a, 0] * x
+            t[link, a] += angle * R[link, a, 1] * y
+            t[link, a] += angle * R[link, a, 2] * z
         return
     c = np.cos(angle)
     s = np.sin(angle)
-    x, y, z = hand.axis[link, 0], hand.axis[link, 1], hand.axis[link, 2]
     k = 1.0 - c
-    q = np.empty((3, 3))
-    q[0, 0] = c + x * x * k
-    q[0, 1] = x * y * k - z * s
-    q[0, 2] = x * z * k + y * s
-    q[1, 0] = y * x * k + z * s
-    q[1, 1] = c + y * y * k
-    q[1, 2] = y * z * k - x * s
-    q[2, 0] = z * x * k - y * s
-    q[2, 1] = z * y * k + x * s
-    q[2, 2] = c + z * z * k
-    m = np.empty((3, 3))
     for a in range(3):
-        for b in range(3):
-            m[a, b] = Rp[a, 0] * Rj[0, b] + Rp[a, 1] * Rj[1, b] + Rp[a, 2] * Rj[2, b]
-    for a in range(3):
-        for b in range(3):
-            R[link, a, b] = m[a, 0] * q[0, b] + m[a, 1] * q[1, b] + m[a, 2] * q[2, b]
+        # a row of the joint's frame times Rodrigues' matrix
+        u, v, w = R[link, a, 0], R[link, a, 1], R[link, a, 2]
+        R[link, a, 0] = u * (c + x * x * k) + v * (y * x * k + z * s) + w * (z * x * k - y * s)
+        R[link, a, 1] = u * (x * y * k - z * s) + v * (c + y * y * k) + w * (z * y * k + x * s)
+        R[link, a, 2] = u * (x * z * k + y * s) + v * (y * z * k - x * s) + w * (c + z * z * k)
 
 
-@njit
+@njit(allocates=False)
 def place_hand(hand, joints, T, R, t):  # type: ignore[no-untyped-def]
     """Poses of all links in the object's frame for a palm pose T (4, 4); parents come first."""
     for link in range(hand.parent.shape[0]):
@@ -69,17 +64,15 @@ def place_hand(hand, joints, T, R, t):  # type: ignore[no-untyped-def]
             place_link(hand, link, joints[joint] if joint >= 0 else 0.0, R, t)
 
 
-@njit
+@njit(allocates=False)
 def coarse_gap(hand, obj, link, R, t):  # type: ignore[no-untyped-def]
     """Smallest field distance of a link's probes [m]; negative inside the object."""
     best = np.inf
-    Rl = R[link]
-    tl = t[link]
     for n in range(hand.probes.shape[1]):
-        p = hand.probes[link, n]
-        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
-        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
-        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        px, py, pz = hand.probes[link, n, 0], hand.probes[link, n, 1], hand.probes[link, n, 2]
+        x = t[link, 0] + R[link, 0, 0] * px + R[link, 0, 1] * py + R[link, 0, 2] * pz
+        y = t[link, 1] + R[link, 1, 0] * px + R[link, 1, 1] * py + R[link, 1, 2] * pz
+        z = t[link, 2] + R[link, 2, 0] * px + R[link, 2, 1] * py + R[link, 2, 2] * pz
         d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
         if d < best:
             best = d
@@ -96,7 +89,7 @@ def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
     return coarse - hand.link_cover[link] - 2.0 * obj.spacing
 
 
-@njit
+@njit(allocates=False)
 def coarse_step(hand, obj, finger, k, R, t, clearance, held):  # type: ignore[no-untyped-def]
     """Step of the first free joint that should leave `clearance` between link k and the object.
 
@@ -111,13 +104,11 @@ def coarse_step(hand, obj, finger, k, R, t, clearance, held):  # type: ignore[no
     best = np.inf
     nearest = np.inf
     link = hand.finger_link[finger, k]
-    Rl = R[link]
-    tl = t[link]
     for n in range(hand.probes.shape[1]):
-        p = hand.probes[link, n]
-        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
-        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
-        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        px, py, pz = hand.probes[link, n, 0], hand.probes[link, n, 1], hand.probes[link, n, 2]
+        x = t[link, 0] + R[link, 0, 0] * px + R[link, 0, 1] * py + R[link, 0, 2] * pz
+        y = t[link, 1] + R[link, 1, 0] * px + R[link, 1, 1] * py + R[link, 1, 2] * pz
+        z = t[link, 2] + R[link, 2, 0] * px + R[link, 2, 1] * py + R[link, 2, 2] * pz
         d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
         nearest = min(nearest, d)
         d -= clearance
@@ -130,18 +121,18 @@ def coarse_step(hand, obj, finger, k, R, t, clearance, held):  # type: ignore[no
     return best, nearest
 
 
-@njit
+@njit(allocates=False)
 def piece_in_object_frame(hand, piece, R, t, out):  # type: ignore[no-untyped-def]
     """Vertices of a convex piece in the object's frame, into out; returns how many."""
     link = hand.piece_link[piece]
-    Rl = R[link]
-    tl = t[link]
     first = hand.piece_start[piece]
     n = hand.piece_start[piece + 1] - first
     for i in range(n):
-        p = hand.piece_vertices[first + i]
+        x = hand.piece_vertices[first + i, 0]
+        y = hand.piece_vertices[first + i, 1]
+        z = hand.piece_vertices[first + i, 2]
         for a in range(3):
-            out[i, a] = tl[a] + Rl[a, 0] * p[0] + Rl[a, 1] * p[1] + Rl[a, 2] * p[2]
+            out[i, a] = t[link, a] + R[link, a, 0] * x + R[link, a, 1] * y + R[link, a, 2] * z
     return n
 
 
@@ -150,13 +141,11 @@ def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def
     """The mesh's triangle nearest to the link's deepest probe; -1 none, -2 link is far."""
     best = np.inf
     bx = by = bz = 0.0
-    Rl = R[link]
-    tl = t[link]
     for n in range(hand.probes.shape[1]):
-        p = hand.probes[link, n]
-        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
-        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
-        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        px, py, pz = hand.probes[link, n, 0], hand.probes[link, n, 1], hand.probes[link, n, 2]
+        x = t[link, 0] + R[link, 0, 0] * px + R[link, 0, 1] * py + R[link, 0, 2] * pz
+        y = t[link, 1] + R[link, 1, 0] * px + R[link, 1, 1] * py + R[link, 1, 2] * pz
+        z = t[link, 2] + R[link, 2, 0] * px + R[link, 2, 1] * py + R[link, 2, 2] * pz
         d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
         if d < best:
             best = d
@@ -170,7 +159,7 @@ def _seed_triangle(hand, obj, link, R, t, limit):  # type: ignore[no-untyped-def
     return face
 
 
-@njit
+@njit(allocates=False)
 def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-def]
     """Distance of a link from the object's mesh [m], at most `limit`; 0 where they overlap."""
     seed = _seed_triangle(hand, obj, link, R, t, limit)
@@ -189,7 +178,7 @@ def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-de
     return best
 
 
-@njit
+@njit(allocates=False)
 def overlaps(hand, obj, link, R, t, work):  # type: ignore[no-untyped-def]
     """Whether a link and the object's mesh overlap."""
     return exact_gap(hand, obj, link, R, t, 1e-4, work) <= 0.0

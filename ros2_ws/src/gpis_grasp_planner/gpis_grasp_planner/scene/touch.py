@@ -67,15 +67,13 @@ def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, ga
 @njit
 def _sample_candidates(hand, obj, link, R, t, threshold, points, normals, gaps, count):  # type: ignore[no-untyped-def]
     q = np.empty(3)
-    Rl = R[link]
-    tl = t[link]
     for n in range(hand.point_start[link], hand.point_start[link + 1]):
         if count >= points.shape[0]:
             break
-        p = hand.points[n]
-        x = tl[0] + Rl[0, 0] * p[0] + Rl[0, 1] * p[1] + Rl[0, 2] * p[2]
-        y = tl[1] + Rl[1, 0] * p[0] + Rl[1, 1] * p[1] + Rl[1, 2] * p[2]
-        z = tl[2] + Rl[2, 0] * p[0] + Rl[2, 1] * p[1] + Rl[2, 2] * p[2]
+        px, py, pz = hand.points[n, 0], hand.points[n, 1], hand.points[n, 2]
+        x = t[link, 0] + R[link, 0, 0] * px + R[link, 0, 1] * py + R[link, 0, 2] * pz
+        y = t[link, 1] + R[link, 1, 0] * px + R[link, 1, 1] * py + R[link, 1, 2] * pz
+        z = t[link, 2] + R[link, 2, 0] * px + R[link, 2, 1] * py + R[link, 2, 2] * pz
         d = field_value(obj.field, obj.origin, obj.spacing, x, y, z)
         if d > threshold + 0.5 * obj.spacing or d < -obj.spacing:
             continue
@@ -84,10 +82,12 @@ def _sample_candidates(hand, obj, link, R, t, threshold, points, normals, gaps, 
         )
         if face < 0 or d < 1e-9:
             continue
-        m = hand.point_normals[n]
-        hx = Rl[0, 0] * m[0] + Rl[0, 1] * m[1] + Rl[0, 2] * m[2]
-        hy = Rl[1, 0] * m[0] + Rl[1, 1] * m[1] + Rl[1, 2] * m[2]
-        hz = Rl[2, 0] * m[0] + Rl[2, 1] * m[1] + Rl[2, 2] * m[2]
+        mx = hand.point_normals[n, 0]
+        my = hand.point_normals[n, 1]
+        mz = hand.point_normals[n, 2]
+        hx = R[link, 0, 0] * mx + R[link, 0, 1] * my + R[link, 0, 2] * mz
+        hy = R[link, 1, 0] * mx + R[link, 1, 1] * my + R[link, 1, 2] * mz
+        hz = R[link, 2, 0] * mx + R[link, 2, 1] * my + R[link, 2, 2] * mz
         ix = (q[0] - x) / d
         iy = (q[1] - y) / d
         iz = (q[2] - z) / d
