@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
-from gpis_grasp_planner.geometry.gjk import columns_distance, scratch_of
+from gpis_grasp_planner.geometry.gjk import columns_distance, lowest, scratch_of
 
 
 @njit(allocates=False)
@@ -32,11 +32,10 @@ def _box_gap(R, t, box_low, box_high, lower, upper, node):  # type: ignore[no-un
 
 
 @njit(allocates=False)
-def _lowest(columns, n, nx, ny, nz):  # type: ignore[no-untyped-def]
-    low = np.inf
+def _lowest(columns, n, heights, nx, ny, nz):  # type: ignore[no-untyped-def]
     for i in range(n):
-        low = min(low, nx * columns[0, i] + ny * columns[1, i] + nz * columns[2, i])
-    return low
+        heights[i] = nx * columns[0, i] + ny * columns[1, i] + nz * columns[2, i]
+    return lowest(heights, n)[1]
 
 
 @njit(allocates=False)
@@ -115,7 +114,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-        plane = _lowest(columns, n, nx, ny, nz)
+        plane = _lowest(columns, n, heights, nx, ny, nz)
         have_plane = True
     while top > 0:
         top -= 1
@@ -145,7 +144,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                plane = _lowest(columns, n, nx, ny, nz)
+                plane = _lowest(columns, n, heights, nx, ny, nz)
                 have_plane = True
     return best
 
@@ -200,5 +199,5 @@ def near_pairs(
                 if d < nearest:
                     nearest = d
                     nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                    plane = _lowest(columns, n, nx, ny, nz)
+                    plane = _lowest(columns, n, heights, nx, ny, nz)
     return count

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.compiled import njit
+from gpis_grasp_planner.geometry.gjk import lowest
 
 Array = NDArray[np.float64]
 
@@ -37,84 +38,100 @@ def start_directions(n: int, seed: int = 0) -> Array:
     return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
 
 
-@njit
-def _run_to_vertex(W, u, v, active, A_inv):  # type: ignore[no-untyped-def]
-    """From v = 0 along u into a vertex of the polar; False where it is unbounded.
+@njit(allocates=False)
+def _heights(columns, n, d, heights):  # type: ignore[no-untyped-def]
+    """Products of the wrenches, columns of (6, n), with d (6,), into heights (n,)."""
+    x, y, z, u, v, w = d[0], d[1], d[2], d[3], d[4], d[5]
+    for i in range(n):
+        heights[i] = (
+            0.0 + columns[0, i] * x + columns[1, i] * y + columns[2, i] * z
+            + columns[3, i] * u + columns[4, i] * v + columns[5, i] * w
+        )  # fmt: skip
 
-    On success `v` is the vertex, `active` its six constraints and `A_inv` the inverse of their
-    rows. Directions are kept orthogonal to the active rows by Gram-Schmidt.
+
+@njit(allocates=False)
+def _steps(slack, rates, n, steps):  # type: ignore[no-untyped-def]
+    """How far each constraint lets go at its rate, into steps (n,)."""
+    for i in range(n):
+        steps[i] = slack[i] / rates[i] if rates[i] > 1e-11 else np.inf
+
+
+@njit(allocates=False)
+def _orthogonal(d, basis, k):  # type: ignore[no-untyped-def]
+    """Take from d (6,) its part along the first k rows of an orthonormal basis, twice."""
+    for _ in range(2):
+        for j in range(k):
+            dot = 0.0
+            for c in range(6):
+                dot += basis[j, c] * d[c]
+            for c in range(6):
+                d[c] -= dot * basis[j, c]
+
+
+@njit(allocates=False)
+def _norm(d):  # type: ignore[no-untyped-def]
+    squared = 0.0
+    for c in range(6):
+        squared += d[c] * d[c]
+    return np.sqrt(squared)
+
+
+@njit
+def _run_to_vertex(columns, u, v, active, A_inv, slack, rates, steps):  # type: ignore[no-untyped-def]
+    """From v = 0 along u into a vertex of the polar.
+
+    On success (0) `v` is the vertex, `active` its six constraints and `A_inv` the inverse of their
+    rows; 1 where the polar is unbounded, 2 where the rows depend on each other. Directions are kept
+    orthogonal to the active rows by Gram-Schmidt.
     """
-    n = W.shape[0]
+    n = columns.shape[1]
     basis = np.zeros((6, 6))
-    slack = np.ones(n)
+    d = np.empty(6)
+    row = np.empty(6)
+    for c in range(6):
+        v[c] = 0.0
+        d[c] = u[c]
+    for i in range(n):
+        slack[i] = 1.0
     for k in range(6):
-        v[k] = 0.0
-    d = u.copy()
-    for k in range(6):
-        for _ in range(2):
-            for j in range(k):
-                dot = 0.0
-                for c in range(6):
-                    dot += basis[j, c] * d[c]
-                for c in range(6):
-                    d[c] -= dot * basis[j, c]
-        norm = np.sqrt(np.sum(d * d))
+        _orthogonal(d, basis, k)
+        norm = _norm(d)
         if norm < 1e-10:
             return 2
-        d /= norm
-        best = np.inf
-        index = -1
-        for i in range(n):
-            rate = 0.0
-            for c in range(6):
-                rate += W[i, c] * d[c]
-            if rate > 1e-11:
-                t = slack[i] / rate
-                if t < best:
-                    best = t
-                    index = i
-        if index < 0:
+        for c in range(6):
+            d[c] /= norm
+        _heights(columns, n, d, rates)
+        _steps(slack, rates, n, steps)
+        index, best = lowest(steps, n)
+        if best == np.inf:
             return 1
         for c in range(6):
             v[c] += best * d[c]
         for i in range(n):
-            rate = 0.0
-            for c in range(6):
-                rate += W[i, c] * d[c]
-            slack[i] = max(slack[i] - best * rate, 0.0)
+            slack[i] = max(slack[i] - best * rates[i], 0.0)
         active[k] = index
         # the new row's part orthogonal to the earlier ones
-        b = W[index].copy()
-        for _ in range(2):
-            for j in range(k):
-                dot = 0.0
-                for c in range(6):
-                    dot += basis[j, c] * b[c]
-                for c in range(6):
-                    b[c] -= dot * basis[j, c]
-        norm = np.sqrt(np.sum(b * b))
+        for c in range(6):
+            row[c] = columns[c, index]
+        _orthogonal(row, basis, k)
+        norm = _norm(row)
         if norm < 1e-10:
             return 2
-        basis[k] = b / norm
+        for c in range(6):
+            basis[k, c] = row[c] / norm
         # go on towards larger |v|; the small part of u keeps the direction generic at the start
         for c in range(6):
             d[c] = v[c] + 1e-3 * u[c]
         if k == 5:
             break
-        for _ in range(2):
-            for j in range(k + 1):
-                dot = 0.0
-                for c in range(6):
-                    dot += basis[j, c] * d[c]
-                for c in range(6):
-                    d[c] -= dot * basis[j, c]
-        norm = np.sqrt(np.sum(d * d))
-        if norm < 1e-9:
+        _orthogonal(d, basis, k + 1)
+        if _norm(d) < 1e-9:
             for c in range(6):
                 d[c] = u[c]
     A = np.empty((6, 6))
     for k in range(6):
-        A[k] = W[active[k]]
+        for c in range(6):
+            A[k, c] = columns[c, active[k]]
     if abs(np.linalg.det(A)) < 1e-14:
         return 2
     A_inv[:, :] = np.linalg.inv(A)
@@ -122,20 +139,19 @@ def _run_to_vertex(W, u, v, active, A_inv):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _climb(W, v, active, A_inv):  # type: ignore[no-untyped-def]
+def _climb(columns, v, active, A_inv, slack, rates, steps):  # type: ignore[no-untyped-def]
     """Pivot to adjacent vertices of the polar while |v| grows; the largest |v|, or inf."""
-    n = W.shape[0]
-    slack = np.empty(n)
-    rates = np.empty(n)
+    n = columns.shape[1]
     best_rates = np.empty(n)
-    current = np.sum(v * v)
-    is_active = np.zeros(n, dtype=np.bool_)
-    for k in range(6):
-        is_active[active[k]] = True
+    ray = np.empty(6)
+    y = np.empty(6)
+    current = 0.0
+    for c in range(6):
+        current += v[c] * v[c]
     for i in range(n):
         s = 1.0
         for c in range(6):
-            s -= W[i, c] * v[c]
+            s -= columns[c, i] * v[c]
         slack[i] = max(s, 0.0)
     for _ in range(_PIVOTS):
         best_norm = current * (1.0 + _TOLERANCE)
@@ -143,21 +159,14 @@ def _climb(W, v, active, A_inv):  # type: ignore[no-untyped-def]
         best_i = -1
         best_t = 0.0
         for j in range(6):
-            t = np.inf
-            index = -1
-            for i in range(n):
-                if is_active[i]:
-                    continue
-                rate = 0.0
-                for c in range(6):
-                    rate -= W[i, c] * A_inv[c, j]
-                rates[i] = rate
-                if rate > 1e-11:
-                    step = slack[i] / rate
-                    if step < t:
-                        t = step
-                        index = i
-            if index < 0:
+            for c in range(6):
+                ray[c] = -A_inv[c, j]
+            _heights(columns, n, ray, rates)
+            _steps(slack, rates, n, steps)
+            for k in range(6):
+                steps[active[k]] = np.inf
+            index, t = lowest(steps, n)
+            if t == np.inf:
                 return np.inf
             norm = 0.0
             for c in range(6):
@@ -168,24 +177,24 @@ def _climb(W, v, active, A_inv):  # type: ignore[no-untyped-def]
                 best_j = j
                 best_i = index
                 best_t = t
-                best_rates[:] = rates
+                for i in range(n):
+                    best_rates[i] = rates[i]
         if best_j < 0:
             break
         for c in range(6):
             v[c] -= best_t * A_inv[c, best_j]
-        is_active[active[best_j]] = False
         old = active[best_j]
+        for k in range(6):
+            best_rates[active[k]] = 0.0  # their slack stays
         for i in range(n):
-            if not is_active[i]:
-                slack[i] = max(slack[i] - best_t * best_rates[i], 0.0)
+            slack[i] = max(slack[i] - best_t * best_rates[i], 0.0)
         slack[old] = best_t
         active[best_j] = best_i
-        is_active[best_i] = True
-        # the inverse after row best_j became W[best_i]
-        y = np.zeros(6)
+        # the inverse after row best_j became that of best_i
         for k in range(6):
+            y[k] = 0.0
             for c in range(6):
-                y[k] += W[best_i, c] * A_inv[c, k]
+                y[k] += columns[c, best_i] * A_inv[c, k]
         pivot = y[best_j]
         if abs(pivot) < 1e-12:
             break
@@ -215,16 +224,20 @@ def fast_epsilon(W, directions, n_starts):  # type: ignore[no-untyped-def]
     n = W.shape[0]
     if n < 7:
         return -1.0
+    # Columns of the wrenches: a processor takes several wrenches at a time.
+    columns = np.empty((6, n))
+    for i in range(n):
+        for c in range(6):
+            columns[c, i] = W[i, c]
+    slack, rates, steps = np.empty(n), np.empty(n), np.empty(n)
     m = directions.shape[0]
     support = np.empty(m)
+    u = np.empty(6)
     for k in range(m):
-        h = -np.inf
-        for i in range(n):
-            s = 0.0
-            for c in range(6):
-                s += W[i, c] * directions[k, c]
-            if s > h:
-                h = s
+        for c in range(6):
+            u[c] = -directions[k, c]
+        _heights(columns, n, u, rates)
+        h = -lowest(rates, n)[1]
         if h <= 0.0:
             return -1.0
         support[k] = h
@@ -234,15 +247,17 @@ def fast_epsilon(W, directions, n_starts):  # type: ignore[no-untyped-def]
     A_inv = np.empty((6, 6))
     bound = np.inf
     for _ in range(n_starts):
-        k = int(np.argmin(support))
-        bound = min(bound, support[k])
+        k, h = lowest(support, m)
+        bound = min(bound, h)
         support[k] = np.inf
-        status = _run_to_vertex(W, directions[k], v, active, A_inv)
+        for c in range(6):
+            u[c] = directions[k, c]
+        status = _run_to_vertex(columns, u, v, active, A_inv, slack, rates, steps)
         if status == 1:
             return -1.0
         if status == 2:
             continue
-        norm = _climb(W, v, active, A_inv)
+        norm = _climb(columns, v, active, A_inv, slack, rates, steps)
         if norm == np.inf:
             return -1.0
         largest = max(largest, norm)
