@@ -84,6 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "gpis-grasp-benchmark; default: dual",
     )
     options.add_hand(parser)
+    options.add_arm(parser)
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
     parser.add_argument(
@@ -157,7 +158,8 @@ def _plan(
     from gpis_grasp_planner.plan.request import PlanRequest
 
     settings, catalogue_settings = options.read_settings(
-        arguments.settings, options.with_hand(arguments.assignments, arguments.hand)
+        arguments.settings,
+        options.with_arm(options.with_hand(arguments.assignments, arguments.hand), arguments.arm),
     )
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     status.enter("reading")

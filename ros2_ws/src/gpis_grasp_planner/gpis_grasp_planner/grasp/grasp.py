@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.trials import HoldEstimate, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
@@ -45,6 +46,8 @@ class Grasp:
         (`quality.closing_balance`). None where nobody asked.
     hold_estimate : HoldEstimate or None
         By trials in physics; None where none were asked for.
+    arm : ArmMotion or None
+        How the arm brings the hand there and lifts it; None where no arm was given.
     """
 
     T_object_palm: Array
@@ -60,6 +63,7 @@ class Grasp:
     lift_direction: Array | None = None
     imbalance: float | None = None
     hold_estimate: HoldEstimate | None = None
+    arm: ArmMotion | None = None
 
     @property
     def way_out(self) -> Array:

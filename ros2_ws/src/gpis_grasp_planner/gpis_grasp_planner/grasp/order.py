@@ -82,6 +82,8 @@ def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
 
 
 def worth(grasp: Grasp, volume_weight: float) -> float:
-    """Epsilon + lambda volume, times the `balance_factor` where the imbalance is known."""
+    """Epsilon + lambda volume, times the `balance_factor` where known, and the arm's worth."""
     value = grasp.epsilon + volume_weight * grasp.volume
-    return value if grasp.imbalance is None else value * float(balance_factor(grasp.imbalance))
+    if grasp.imbalance is not None:
+        value *= float(balance_factor(grasp.imbalance))
+    return value if grasp.arm is None else value + grasp.arm.worth
