@@ -50,7 +50,7 @@ class ArmConstraint(Constraint):
     part : TriangleMesh
         Simplified or not; in its own frame.
     place : Place
-        Its world is the arm's.
+        With the arm's frame in its world (`Place.T_world_arm`); without, they are the same.
     settings : ArmSettings
     retreat_m : float [m]
         Length of the approach, along the palm's z.
@@ -72,7 +72,8 @@ class ArmConstraint(Constraint):
     ):
         self.arm, self._settings, self._retreat = arm, settings, retreat_m
         self.inverse = ArmInverse(arm, settings.locked_values)
-        T_base_world = inverse(arm.T_world_base)
+        T_world_arm = np.eye(4) if place.T_world_arm is None else place.T_world_arm
+        T_base_world = inverse(T_world_arm @ arm.T_arm_base)
         self._T_base_object = T_base_world @ place.T_world_object
         self._T_palm_flange = inverse(arm.T_flange_palm)
         self._collision = ArmCollision(

@@ -32,8 +32,8 @@ class ArmDescription:
         As it was asked for: a name of :func:`available_arms`, or a YAML file.
     chain : ArmChain
         Joints and bodies.
-    T_world_base : (4, 4) array
-        "World" is the frame of the surroundings (`surroundings.place.Place`).
+    T_arm_base : (4, 4) array
+        "Arm" is the frame that `surroundings.place.Place.T_world_arm` places.
     T_flange_palm : (4, 4) array
     redundant_joint : int or None
         The joint of a seven-axis arm whose angle is chosen before the others follow.
@@ -46,7 +46,7 @@ class ArmDescription:
 
     name: str
     chain: ArmChain
-    T_world_base: Array
+    T_arm_base: Array
     T_flange_palm: Array
     redundant_joint: int | None
     may_touch: frozenset[tuple[int, int]]
@@ -97,7 +97,7 @@ def _loaded(name: str, path: Path, _changed_ns: int) -> ArmDescription:
         return ArmDescription(
             name=name,
             chain=chain,
-            T_world_base=_pose(data.get("base")),
+            T_arm_base=_pose(data.get("base")),
             T_flange_palm=_pose(data.get("flange")),
             redundant_joint=None if redundant is None else chain.joint_names.index(redundant),
             may_touch=frozenset(

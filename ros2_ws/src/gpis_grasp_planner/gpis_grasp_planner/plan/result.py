@@ -57,7 +57,7 @@ def make_result(
         evaluations=context.evaluator.n_attempts,
         notes=part.notes + notes,
         convergence=convergence,
-        place=place.as_mapping() if place or settings.arm.model else None,
+        place=place.as_mapping() if place else None,
         reserve=reserve,
         funnel=funnel,
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
