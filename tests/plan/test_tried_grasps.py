@@ -12,6 +12,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.verification.hold_model import HoldModel
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -20,7 +21,7 @@ def grasp(x_mm: float, epsilon: float) -> Grasp:
     T = np.eye(4)
     T[0, 3] = 1e-3 * x_mm
     still = np.zeros(8)
-    return Grasp(T, still, still, Contacts.none(), epsilon, 0.0, T[:3, 2], 0.1)
+    return Grasp(T, still, still, Contacts.none(), Quality(epsilon, 0.0), T[:3, 2], 0.1)
 
 
 def physics(verdicts, n_lost=0):

@@ -28,6 +28,7 @@ def grasp_columns(hand: HandDescription, grasps: Sequence[Grasp], verified: bool
         Column("#", [str(i) for i in range(len(grasps))]),
         Column("epsilon", [f"{grasp.epsilon:.4f}" for grasp in grasps]),
         Column("volume", [f"{grasp.volume:.4f}" for grasp in grasps], 2),
+        *measured_columns(grasps),
     ]
     if verified:
         columns += [
@@ -46,6 +47,20 @@ def grasp_columns(hand: HandDescription, grasps: Sequence[Grasp], verified: bool
     ]
 
 
+def measured_columns(grasps: Sequence[Grasp]) -> list[Column]:
+    """One column for each figure beside epsilon and volume that any of the grasps has."""
+    names = dict.fromkeys(name for grasp in grasps for name in grasp.quality.measured)
+    return [
+        Column(name.replace("_", " "), [_figure(grasp, name) for grasp in grasps], 2)
+        for name in names
+    ]
+
+
+def _figure(grasp: Grasp, name: str) -> str:
+    value = grasp.quality.measured.get(name)
+    return "" if value is None else f"{value:.3f}"
+
+
 def order_text(result: PlanResult) -> str:
     """By what the rows are ordered, see ``grasp.order.answer_rank``; and how they are counted."""
     rules = []
@@ -53,8 +68,8 @@ def order_text(result: PlanResult) -> str:
         rules.append("held in physics")
     if any(_hold_probability(grasp) is not None for grasp in result.grasps):
         rules.append("P(hold)")
-    weight = result.settings["hpp"]["volume_weight"]
-    rules.append(f"epsilon + {weight:g} volume")
+    weight = result.settings["hpp"]["volume_weight"]  # documents before figures had names
+    rules.append(result.objective or f"epsilon + {weight:g} volume")
     return f"Best first by {', '.join(rules)}; # counts from 0."
 
 
