@@ -2,7 +2,7 @@
 
     python tests/benchmarks/hand_study.py --hand parallel_jaw --time 10
 
-prints a row for each part. The trials beside the search are Bullet's; the verdicts printed are of
+prints a row for each part. The verdicts printed are of
 trials made again, in each engine.
 """
 

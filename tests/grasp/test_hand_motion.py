@@ -16,8 +16,8 @@ def closings(hand, start, inner, motor, rng):
     n = len(start)
     T = transform(Rotation.random(n, rng=rng).as_matrix(), rng.uniform(-0.1, 0.1, (n, 3)))
     spread = rng.uniform(0.0, np.pi, n)
-    opened = joints_from_motors(hand, spread, start, inner)
-    return T, opened, joints_from_motors(hand, spread, motor, inner), -0.1 * T[:, :3, 2]
+    opened = joints_from_motors(hand, spread, start, inner[..., None])
+    return T, opened, joints_from_motors(hand, spread, motor, inner[..., None]), -0.1 * T[:, :3, 2]
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ def degrees(spread, motor, stop=np.inf):
     """Joint angles [deg] for one posture given in degrees."""
     hand = load_hand()
     stop = np.radians(np.asarray(stop, dtype=float))
-    q = joints_from_motors(hand, np.radians([spread]), np.radians([motor]), stop)
+    q = joints_from_motors(hand, np.radians([spread]), np.radians([motor]), stop[..., None])
     return np.degrees(q[0])
 
 
@@ -51,8 +51,8 @@ def test_motors_and_joints_are_inverse_on_both_sides_of_the_breakaway():
     rng = np.random.default_rng(seed)
     spread = rng.uniform(0.0, np.pi, 200)
     stop = rng.uniform(0.0, np.radians(140.0), (200, 3))
-    motor = rng.uniform(0.0, 1.0, (200, 3)) * motor_at_end(hand, stop)
-    q = joints_from_motors(hand, spread, motor, stop)
+    motor = rng.uniform(0.0, 1.0, (200, 3)) * motor_at_end(hand, stop[..., None])
+    q = joints_from_motors(hand, spread, motor, stop[..., None])
     spread_back, motor_back = motors_from_joints(hand, q)
     np.testing.assert_allclose(spread_back, spread, atol=1e-12)
     np.testing.assert_allclose(motor_back, motor, atol=1e-12)
@@ -73,7 +73,7 @@ def test_what_the_drive_cannot_reach_is_told():
 def test_a_stopped_finger_ends_at_the_distal_limit_or_the_motors_end():
     hand = load_hand()
     # (stop + 48) 3/4: 36 deg for a link stopped at once, 58.5 at 30; free it runs to 140.
-    found = np.degrees(motor_at_end(hand, np.radians([0.0, 30.0, 140.0, np.inf])))
+    found = np.degrees(motor_at_end(hand, np.radians([[0.0], [30.0], [140.0], [np.inf]])))
     np.testing.assert_allclose(found, [36.0, 58.5, 140.0, 140.0], atol=1e-9)
 
 

@@ -109,7 +109,7 @@ def test_joints_are_within_limits_and_the_fingers_close_from_the_pregrasp(result
         for finger in hand.fingers:
             inner = grasp.pregrasp_joints[finger.inner_joint]
             assert 0.0 <= inner <= grasp.joints[finger.inner_joint]
-            coupled = hand.drive.distal_per_inner * inner
+            coupled = hand.drive.closing_ratio[0, 1] * inner
             assert grasp.pregrasp_joints[finger.distal_joint] == pytest.approx(coupled, abs=1e-9)
             if finger.spread_joint >= 0:
                 spread = grasp.joints[finger.spread_joint]

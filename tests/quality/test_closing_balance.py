@@ -40,7 +40,7 @@ def closed(hand: HandDescription, inner: float) -> np.ndarray:
     joints = np.zeros(hand.n_joints)
     for finger in hand.fingers:
         joints[finger.inner_joint] = inner
-        joints[finger.distal_joint] = hand.drive.distal_per_inner * inner
+        joints[finger.distal_joint] = hand.drive.closing_ratio[0, 1] * inner
     return joints
 
 

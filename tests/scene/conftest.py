@@ -16,9 +16,10 @@ from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.search.context import palm_face_height
 
-FACE_HEIGHT = 0.0793
 FRICTION = Friction(0.5, 0.4)
 
 
@@ -48,19 +49,18 @@ SOLIDS = {
 class Scene:
     """A part with its evaluator, and distances by the library coal (right to 1e-6 m)."""
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, hand: str = DEFAULT_HAND):
         if name in SOLIDS:
             self.part = _solid(name, SOLIDS[name]())
         else:
             self.part = MeshCatalogue([default_catalogue_directory()]).load(name)
-        self.hand = load_hand()
+        self.hand = load_hand(hand)
+        self.face_height = palm_face_height(self.hand)
         self.settings = SceneSettings()
         self.evaluator = CompiledEvaluator(self.hand, self.part, FRICTION, self.settings)
         self.shape = trimesh.Trimesh(self.part.mesh.vertices, self.part.mesh.faces, process=False)
         self.fingers = {
-            link: index
-            for index, finger in enumerate(self.hand.fingers)
-            for link in (finger.inner_link, finger.distal_link)
+            link: index for index, finger in enumerate(self.hand.fingers) for link in finger.links
         }
         self._pieces = [
             (link, _convex(piece.vertices))
@@ -87,12 +87,13 @@ class Scene:
         x = np.cross(rng.normal(size=(n, 3)), normals)
         x /= np.linalg.norm(x, axis=1, keepdims=True)
         R = np.stack([x, np.cross(-normals, x), -normals], axis=2)
-        return transform(R, places + FACE_HEIGHT * normals), normals
+        return transform(R, places + self.face_height * normals), normals
 
     def cleared(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Free palms at various distances, and spreads."""
         T, normals = self.palms(n, rng)
         spread = rng.choice([0.0, 0.3, 0.8, np.pi / 2, 2.4, np.pi], n)
+        spread = np.minimum(spread, self.hand.spread_upper)
         standoff = rng.uniform(0.0, 0.08, n) * (rng.random(n) < 0.6)
         T, free = self.evaluator.clear_palm(T, normals, spread, standoff)
         return T[free], spread[free]
@@ -110,10 +111,10 @@ class Scene:
         return out
 
     def gap_between_fingers(self, joints: np.ndarray) -> float:
-        """Smallest distance between links of different fingers, or a distal link and the palm."""
+        """Smallest distance of links of different fingers, or of outer links from the palm."""
         T_links = link_transforms(self.hand, joints[None])[0]
-        distal = {f.distal_link for f in self.hand.fingers}
-        knuckle = {f.distal_link: self.hand.link_parent[f.inner_link] for f in self.hand.fingers}
+        outwards = {link for f in self.hand.fingers for link in f.links[1:]}
+        own = {link: f for f in self.hand.fingers for link in f.links}
         best = np.inf
         for i, (a, shape_a) in enumerate(self._pieces):
             for b, shape_b in self._pieces[i + 1 :]:
@@ -122,7 +123,7 @@ class Scene:
                     continue
                 if min(fa, fb) < 0:
                     moving, fixed = (a, b) if fa >= 0 else (b, a)
-                    if moving not in distal or knuckle[moving] == fixed:
+                    if moving not in outwards or own[moving].knuckle_link == fixed:
                         continue
                 d = coal.distance(
                     shape_a, _pose(T_links[a]), shape_b, _pose(T_links[b]),

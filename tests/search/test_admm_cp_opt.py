@@ -100,7 +100,7 @@ def test_fingers_out_of_reach_are_no_contacts(make_optimiser, hand_made, oracle)
     postures = context.evaluator.postures(np.tile(palm_above(), (40, 1, 1)), X * UPPER)
     seen = set()
     for value, points, inner in zip(values, postures.points, postures.inner_touches, strict=True):
-        links = np.concatenate([points[:, 0], points[inner, 1]])
+        links = np.concatenate([points[:, 0], points[:, 1:][inner]])
         distance = np.abs(np.linalg.norm(links, axis=1) - RADIUS)
         if np.any(np.abs(distance - 0.008) < 1e-3):
             continue  # within the fit's accuracy of the reach

@@ -41,7 +41,7 @@ def random_hands(hand, n, rng):
     inner = rng.uniform(0.2, 2.0, (n, 3))
     motor = inner + rng.uniform(0.0, 0.4, (n, 3)) * (rng.random((n, 3)) < 0.5)
     opened = joints_from_motors(hand, spread, np.zeros((n, 3)))
-    closed = joints_from_motors(hand, spread, motor, inner)
+    closed = joints_from_motors(hand, spread, motor, inner[..., None])
     return [
         Grasp(T[k], closed[k], opened[k], NONE, Quality(0.1, 0.1), T[k, :3, 2].copy(), 0.1)
         for k in range(n)
@@ -142,12 +142,12 @@ def test_the_bow_covers_the_arc_between_samples(planner):
     assert motions.bow.max() < 4e-4
     for k, grasp in enumerate(grasps):
         _, end = motors_from_joints(hand, grasp.joints)
-        stop = grasp.joints[[f.inner_joint for f in hand.fingers]]
+        held = grasp.joints[hand.finger_joints[:, :1]]
         for index, finger in enumerate(hand.fingers):
             m = np.linspace(0.0, end[0, index], 1000)
             motor = np.zeros((1000, 3))
             motor[:, index] = m
-            joints = joints_from_motors(hand, np.full(1000, grasp.joints[0]), motor, stop[None])
+            joints = joints_from_motors(hand, np.full(1000, grasp.joints[0]), motor, held[None])
             dense = grasp.T_object_palm @ link_transforms(hand, joints)[:, finger.distal_link]
             coarse = motions.T[k, :, finger.distal_link]
             vertices = hand.link_collision[finger.distal_link][0].vertices[::9]

@@ -27,10 +27,7 @@ def world_of(
 def angles(world: TrialWorld) -> np.ndarray:
     """(fingers, 2): inner and distal joint."""
     return np.array(
-        [
-            [state[0] for state in world.engine.joint_states([d.inner, d.distal])]
-            for d in world.drives
-        ]
+        [[state[0] for state in world.engine.joint_states(d.finger.joints)] for d in world.drives]
     )
 
 

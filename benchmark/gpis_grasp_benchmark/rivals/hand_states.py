@@ -65,8 +65,7 @@ class HandStates:
         for motor, finger in enumerate(hand.fingers, start=1):
             if finger.spread_joint >= 0:
                 self._joints_of_motors[0, finger.spread_joint] = 1.0
-            self._joints_of_motors[motor, finger.inner_joint] = 1.0
-            self._joints_of_motors[motor, finger.distal_joint] = hand.drive.distal_per_inner
+            self._joints_of_motors[motor, list(finger.joints)] = hand.drive.closing_ratio[0]
 
     def faces(self, states: Array) -> Array:
         """Poses T_object_face (B, 4, 4) of the palm's face."""

@@ -100,10 +100,18 @@ def contact_code(hand: HandDescription, links: NDArray[np.integer]) -> str:
     for finger in hand.fingers:
         found = [link in touching for link in _links(finger)]
         if any(found):
-            letters = "kid" if len(finger.links) > 1 else ("k", "")
+            letters = _letters(len(finger.links))
             touched = [letter for letter, here in zip(letters, found, strict=True) if here]
             words.append(finger.name + "".join(touched))
     return " ".join(words)
+
+
+def _letters(n_links: int) -> list[str]:
+    """Of a finger's knuckle and links; links between the first and the last are numbered."""
+    if n_links == 1:
+        return ["k", ""]
+    between = ["m"] if n_links == 3 else [f"m{k}" for k in range(1, n_links - 1)]
+    return ["k", "i", *between, "d"]
 
 
 def _links(finger: Finger) -> tuple[int, ...]:

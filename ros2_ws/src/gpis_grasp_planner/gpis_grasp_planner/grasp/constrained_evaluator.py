@@ -20,7 +20,7 @@ from gpis_grasp_planner.grasp.evaluator import (
 from gpis_grasp_planner.grasp.funnel import Step, Tally
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, touch_motors
 
 Array = NDArray[np.float64]
 
@@ -159,8 +159,8 @@ class ConstrainedEvaluator:
         """Start the blocked hands at most `back` [rad, or `closing_unit`] before first contact."""
         rows = np.flatnonzero(found.blocked)
         spread, _ = motors_from_joints(self._hand, attempts.joints[rows])
-        inner = attempts.joints[rows][:, [finger.inner_joint for finger in self._hand.fingers]]
-        wider = np.maximum(inner - back * self._hand.closing_unit, 0.0)
+        touch = touch_motors(self._hand, attempts.joints[rows])
+        wider = np.maximum(touch - back * self._hand.closing_unit, 0.0)
         start = joints_from_motors(self._hand, spread, wider)
         wide = attempts.start_joints
         assert wide is not None

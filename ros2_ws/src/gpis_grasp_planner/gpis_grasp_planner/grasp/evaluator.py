@@ -131,10 +131,11 @@ class Postures:
     Attributes
     ----------
     joints : (B, J) array [rad]
-    points : (B, F, 2, 3) array [m]
-        The point of each finger's distal (0) and inner (1) link nearest to the object.
-    inner_touches : (B, F) bool array
-        Whether the inner link was stopped by the object (breakaway).
+    points : (B, F, 1 + I, 3) array [m]
+        The point of each finger's outermost (0) and inner links nearest to the object; a finger
+        of one link has it as both.
+    inner_touches : (B, F, I) bool array
+        Whether an inner link was stopped by the object (breakaway).
     """
 
     joints: Array

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, row_ends
 from gpis_grasp_planner.hand.kinematics import link_transforms
 
 Array = NDArray[np.float64]
@@ -101,9 +101,9 @@ def hand_motions(
 ) -> HandMotions:
     """Motions to B grasps: palms (B, 4, 4), postures (B, J) [rad], `back` (B, 3) [m].
 
-    The fingers follow the drive's law from the pre-grasp: with the coupling up to the closed
-    inner angle, then the distal link alone. A grasp's moves are its own: a batch only appends rest
-    at the closed hand. Some 0.1 ms a grasp in batches.
+    The fingers follow the drive's law from the pre-grasp: row after row of the closing table up to
+    where the joints are held in the closed hand. A grasp's moves are its own: a batch only appends
+    rest at the closed hand. Some 0.1 ms a grasp in batches.
     """
     path, moves, steps = _closing_path(hand, pregrasp_joints, joints)
     n, samples = path.shape[:2]
@@ -133,38 +133,39 @@ def shifted(T: Array, move: Array) -> Array:
 def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Array, Index, Array]:
     """Joints (B, S, J) from start to end (B, J), number of moves (B,), largest motor step (B,).
 
-    Each finger divides the way to its breakaway and the one after it by itself, whatever the others
+    Each finger divides its way in every row of the closing table by itself, whatever the others
     and the rest of the batch do. Whoever has arrived waits at the end.
     """
     _, m_start = motors_from_joints(hand, start)
     spread, m_end = motors_from_joints(hand, end)
-    inner = end[:, [finger.inner_joint for finger in hand.fingers]]
-    ratio = hand.drive.distal_per_inner
-    broken = hand.two_links & ((m_end - inner) * (1.0 + ratio) > _BROKEN_AWAY_RAD)
-    stop = np.where(broken, inner, np.inf)
-    kink = np.clip(np.where(broken, inner, m_end), np.minimum(m_start, m_end), m_end)
-    first, second = kink - m_start, m_end - kink
+    ends = row_ends(hand, end)
+    left = (m_end[..., None] - ends) * hand.drive.row_travel[0]
+    over = left > _BROKEN_AWAY_RAD
+    held = np.where(over, end[:, hand.finger_joints[:, :-1]], np.inf)
+    kinks = np.where(over, ends, m_end[..., None])
+    kinks = np.clip(kinks, np.minimum(m_start, m_end)[..., None], m_end[..., None])
+    corners = np.concatenate([m_start[..., None], kinks, m_end[..., None]], axis=-1)
+    ways = np.diff(corners, axis=-1)
     step = _STEP_RAD * hand.closing_unit
-    n_1, n_2 = np.ceil(np.abs(first) / step), np.ceil(np.abs(second) / step)
-    whole_1, whole_2 = np.maximum(n_1, 1.0), np.maximum(n_2, 1.0)
-    moves = np.maximum((n_1 + n_2).max(axis=1), 1.0)
+    n_moves = np.ceil(np.abs(ways) / step[:, None])
+    whole = np.maximum(n_moves, 1.0)
+    moves = np.maximum(n_moves.sum(axis=-1).max(axis=1), 1.0)
     sample = np.arange(moves.max() + 1.0)
     at = sample[:, None]
-    motors = (
-        m_start[:, None]
-        + np.clip(at / whole_1[:, None], 0.0, 1.0) * first[:, None]
-        + np.clip((at - n_1[:, None]) / whole_2[:, None], 0.0, 1.0) * second[:, None]
-    )
+    motors = m_start[:, None]
+    for row in range(ways.shape[-1]):
+        gone = at - n_moves[:, None, :, :row].sum(axis=-1)
+        motors = motors + np.clip(gone / whole[:, None, :, row], 0.0, 1.0) * ways[:, None, :, row]
     n, samples = motors.shape[:2]
     path = joints_from_motors(
         hand,
         np.repeat(spread, samples),
         motors.reshape(n * samples, -1),
-        np.repeat(stop, samples, axis=0),
+        np.repeat(held, samples, axis=0),
     ).reshape(n, samples, -1)
     path[:, 0] = start
     path = np.where((sample >= moves[:, None])[..., None], end[:, None], path)
-    steps = np.maximum(np.abs(first) / whole_1, np.abs(second) / whole_2)
+    steps = (np.abs(ways) / whole).max(axis=-1)
     return path, moves.astype(np.int64), steps.max(axis=1)
 
 
@@ -172,23 +173,22 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
 def _acceleration(hand: HandDescription) -> float:
     """Upper bound of a finger point's acceleration per squared motor speed [m/rad^2].
 
-    0 for a finger that slides.
-
-    With the coupling c the distal link's point turns about the inner axis at 1 and about its own
-    at c: offset + r (1 + c)^2; after breakaway about its own at 1 + c: r (1 + c)^2.
+    0 for a finger that slides. In each row of the closing table the joints' speeds c_j are
+    constant: a point of link k turns at the sum of the first speeds about each joint, and has
+    ``sum_j (c_1 + ... + c_j)^2 l_j`` at most, l_j the way from joint j to the next or to the point.
     """
     pieces = HandPieces.of(hand)
     most = 0.0
-    turn = (1.0 + hand.drive.distal_per_inner) ** 2
     for finger in hand.fingers:
         if hand.joint_slides[finger.inner_joint]:
             continue
-        offset = float(np.linalg.norm(hand.T_parent_joint[finger.distal_link][:3, 3]))
-        for piece in np.flatnonzero(pieces.moving):
-            rows = slice(pieces.start[piece], pieces.start[piece + 1])
-            radius = float(np.linalg.norm(pieces.vertices[rows], axis=1).max())
-            if pieces.link[piece] == finger.distal_link:
-                most = max(most, offset + radius * turn)
-            elif pieces.link[piece] == finger.inner_link:
-                most = max(most, radius)
+        arms = [float(np.linalg.norm(hand.T_parent_joint[k][:3, 3])) for k in finger.links[1:]]
+        for row, gear in zip(hand.drive.closing_ratio, hand.drive.row_gear, strict=True):
+            turn = np.cumsum(row / gear) ** 2
+            for number, link in enumerate(finger.links):
+                inwards = sum(turn[i] * arms[i] for i in range(number))
+                for piece in np.flatnonzero(pieces.link == link):
+                    rows = slice(pieces.start[piece], pieces.start[piece + 1])
+                    radius = float(np.linalg.norm(pieces.vertices[rows], axis=1).max())
+                    most = max(most, float(inwards + radius * turn[number]))
     return most

@@ -7,7 +7,6 @@ files are kept in the package, so this runs only when a dimension changes.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -23,7 +22,16 @@ from gpis_grasp_planner.hand.barrett_shapes import (
     SPREAD_FRAME_HEIGHT_MM,
     barrett_pieces,
 )
-from gpis_grasp_planner.hand.link_mesh import inertia_from_moments, solid_properties, write_stl
+from gpis_grasp_planner.hand.link_mesh import write_stl
+from gpis_grasp_planner.hand.model_elements import (
+    Inertial,
+    add_joint,
+    add_link,
+    add_materials,
+    number_text,
+    uniform_inertial,
+    write_urdf,
+)
 
 Array = NDArray[np.float64]
 
@@ -39,26 +47,6 @@ DISTAL_EFFORT, INNER_EFFORT, SPREAD_EFFORT = (TIP_FORCE_N * arm for arm in (0.05
 
 INNER_UPPER_DEG, DISTAL_UPPER_DEG, SPREAD_UPPER_DEG = 140.0, 48.0, 180.0
 BREAKAWAY_RATIO = 4.0 / 3.0  # distal joint's speed over the motor's after breakaway
-
-COLORS = {"palm": (0.20, 0.21, 0.23), "finger": (0.42, 0.44, 0.47)}
-
-
-@dataclass(frozen=True)
-class Inertial:
-    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg m^2]."""
-
-    mass: float
-    center: Array
-    inertia: Array
-
-
-def uniform_inertial(mass: float, pieces: tuple[tuple[str, TriangleMesh], ...]) -> Inertial:
-    """Inertial of a body of one density made of convex pieces (overlaps count twice)."""
-    properties = [solid_properties(mesh) for _, mesh in pieces]
-    volume = sum(v for v, _, _ in properties)
-    center = np.sum([v * c for v, c, _ in properties], axis=0) / volume
-    moments = mass / volume * np.sum([m for _, _, m in properties], axis=0)
-    return Inertial(mass, center, inertia_from_moments(moments - mass * np.outer(center, center)))
 
 
 def _about(inertial: Inertial, point: Array) -> Array:
@@ -102,18 +90,16 @@ def build_urdf() -> ET.Element:
     pieces = barrett_pieces()
     palm, block = split_palm(pieces["block"])
     robot = ET.Element("robot", name=MODEL_NAME)
-    for name, rgb in COLORS.items():
-        material = ET.SubElement(robot, "material", name=name)
-        ET.SubElement(material, "color", rgba=_text((*rgb, 1.0)))
-    _link(robot, "bh_palm_link", palm, pieces["palm"], "palm")
+    add_materials(robot)
+    add_link(robot, "bh_palm_link", palm, pieces["palm"], "palm")
     knuckle = uniform_inertial(KNUCKLE_MASS_KG, pieces["knuckle"])
     for finger in (1, 2):
-        _link(robot, f"bh_finger_{finger}_knuckle_link", knuckle, pieces["knuckle"], "finger")
-    _link(robot, "bh_finger_3_knuckle_link", block, pieces["block"], "palm")
+        add_link(robot, f"bh_finger_{finger}_knuckle_link", knuckle, pieces["knuckle"], "finger")
+    add_link(robot, "bh_finger_3_knuckle_link", block, pieces["block"], "palm")
     for part, mass in (("inner", INNER_MASS_KG), ("distal", DISTAL_MASS_KG)):
         inertial = uniform_inertial(mass, pieces[part])
         for finger in (1, 2, 3):
-            _link(robot, f"bh_finger_{finger}_{part}_link", inertial, pieces[part], "finger")
+            add_link(robot, f"bh_finger_{finger}_{part}_link", inertial, pieces[part], "finger")
     _joints(robot)
     ET.indent(robot)
     return robot
@@ -128,7 +114,7 @@ def _joints(robot: ET.Element) -> None:
     inner_limit = (np.radians(INNER_UPPER_DEG), inner_speed, INNER_EFFORT)
     distal_limit = (np.radians(DISTAL_UPPER_DEG), BREAKAWAY_RATIO * inner_speed, DISTAL_EFFORT)
     for finger, sign in ((1, -1.0), (2, 1.0)):
-        joint = _joint(
+        joint = add_joint(
             robot,
             f"bh_j{finger}1_joint",
             ("bh_palm_link", f"bh_finger_{finger}_knuckle_link"),
@@ -138,14 +124,14 @@ def _joints(robot: ET.Element) -> None:
         )
         if finger == 2:
             ET.SubElement(joint, "mimic", joint="bh_j11_joint", multiplier="1")
-    _joint(
+    add_joint(
         robot,
         "bh_finger_3_knuckle_joint",
         ("bh_palm_link", "bh_finger_3_knuckle_link"),
         ((0.0, 0.0, height), (0.0, 0.0, half_turn)),
     )
     for finger in (1, 2, 3):
-        _joint(
+        add_joint(
             robot,
             f"bh_j{finger}2_joint",
             (f"bh_finger_{finger}_knuckle_link", f"bh_finger_{finger}_inner_link"),
@@ -154,7 +140,7 @@ def _joints(robot: ET.Element) -> None:
             inner_limit,
         )
     for finger in (1, 2, 3):
-        joint = _joint(
+        joint = add_joint(
             robot,
             f"bh_j{finger}3_joint",
             (f"bh_finger_{finger}_inner_link", f"bh_finger_{finger}_distal_link"),
@@ -166,58 +152,9 @@ def _joints(robot: ET.Element) -> None:
             distal_limit,
         )
         # Holds before breakaway only; see hand.drive.
-        ET.SubElement(joint, "mimic", joint=f"bh_j{finger}2_joint", multiplier=_text((1.0 / 3.0,)))
-
-
-def _link(
-    robot: ET.Element,
-    name: str,
-    body: Inertial,
-    pieces: tuple[tuple[str, TriangleMesh], ...],
-    material: str,
-) -> None:
-    link = ET.SubElement(robot, "link", name=name)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(body.center), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=_text((body.mass,)))
-    entries = {
-        f"i{'xyz'[i]}{'xyz'[j]}": _text((body.inertia[i, j],))
-        for i in range(3)
-        for j in range(i, 3)
-    }
-    ET.SubElement(inertial, "inertia", entries)
-    for role in ("visual", "collision"):
-        for piece, _ in pieces:
-            shape = ET.SubElement(link, role, name=f"{piece}_{role}")
-            geometry = ET.SubElement(shape, "geometry")
-            ET.SubElement(geometry, "mesh", filename=f"meshes/{piece}.stl")
-            if role == "visual":
-                ET.SubElement(shape, "material", name=material)
-
-
-def _joint(
-    robot: ET.Element,
-    name: str,
-    links: tuple[str, str],
-    origin: tuple[tuple[float, float, float], tuple[float, float, float]],
-    axis: tuple[float, float, float] | None = None,
-    limit: tuple[float, float, float] | None = None,
-) -> ET.Element:
-    kind = "fixed" if axis is None else "revolute"
-    joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=links[0])
-    ET.SubElement(joint, "child", link=links[1])
-    ET.SubElement(joint, "origin", xyz=_text(origin[0]), rpy=_text(origin[1]))
-    if axis is not None and limit is not None:
-        upper, velocity, effort = (_text((value,)) for value in limit)
-        ET.SubElement(joint, "axis", xyz=_text(axis))
-        ET.SubElement(joint, "limit", lower="0", upper=upper, velocity=velocity, effort=effort)
-    return joint
-
-
-def _text(values: tuple[float, ...] | Array) -> str:
-    # 12 digits keep right angles right to 1e-12; adding 0.0 turns -0 into 0.
-    return " ".join(f"{round(float(v), 15) + 0.0:.12g}" for v in values)
+        ET.SubElement(
+            joint, "mimic", joint=f"bh_j{finger}2_joint", multiplier=number_text((1.0 / 3.0,))
+        )
 
 
 def write_model(directory: Path) -> None:
@@ -227,10 +164,7 @@ def write_model(directory: Path) -> None:
     for pieces in barrett_pieces().values():
         for name, mesh in pieces:
             write_stl(mesh, meshes / f"{name}.stl")
-    tree = ET.ElementTree(build_urdf())
-    with (directory / f"{MODEL_NAME}.urdf").open("wb") as file:
-        tree.write(file, encoding="utf-8", xml_declaration=True)
-        file.write(b"\n")
+    write_urdf(build_urdf(), directory / f"{MODEL_NAME}.urdf")
 
 
 if __name__ == "__main__":

@@ -18,13 +18,13 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.hand.drive_train import Drive, check_limits, read_drive
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
 
 SLIDING_LEVER_M = 0.05
-_MOST_LINKS = 2
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Finger:
     spread_joint : int
         The joint of the pre-shape, or -1.
     joints, links : tuples of int
-        What closing moves, from the palm outwards; one or two of each.
+        What closing moves, from the palm outwards; of all fingers as many.
     knuckle_link : int
         The link that carries the first of them.
     spread_sign : int
@@ -69,24 +69,6 @@ class Finger:
     def distal_link(self) -> int:
         """The outermost link; of a finger with one link, the same as the inner one."""
         return self.links[-1]
-
-
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """Motors and gears; motors are ordered spread, then one per finger.
-
-    Finger motors' angles are given as the inner joint's angle they give without breakaway, in
-    metres where that joint slides. A hand without a spread has 0 to 0 there.
-    """
-
-    motor_names: tuple[str, ...]
-    motor_lower: Array  # [rad]
-    motor_upper: Array  # [rad]
-    motor_speed: Array  # [rad/s]
-    distal_per_inner: float  # coupling before breakaway; 0 where fingers have one link
-    coupled: bool  # one motor moves all fingers by the same amount (docs/hands.md)
-    breakaway_torque: float  # [N m]
-    tip_point: Array  # (3,) [m], where a fingertip presses, in the distal link's frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +137,9 @@ class HandDescription(UrdfTree):
         return f"{self.name}#{digest.hexdigest()[:16]}"
 
     @property
-    def two_links(self) -> NDArray[np.bool_]:
-        """Which fingers (F,) have an inner and a distal link; the others have one."""
-        return np.array([len(finger.links) == 2 for finger in self.fingers])
+    def finger_joints(self) -> NDArray[np.int64]:
+        """The joints that closing moves, (F, D)."""
+        return np.array([finger.joints for finger in self.fingers])
 
     @property
     def closing_unit(self) -> Array:
@@ -254,7 +236,7 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
             "palm" if link in palm_like else "finger" for link in tree.link_names
         ),
         fingers=fingers,
-        drive=_drive(data["drive"]),
+        drive=read_drive(data["drive"], len(fingers[0].links)),
         eigengrasps=Eigengrasps(
             origin=np.array(data["eigengrasps"]["origin"], dtype=float),
             directions=np.array(data["eigengrasps"]["directions"], dtype=float),
@@ -294,11 +276,8 @@ def _finger(tree: UrdfTree, entry: Mapping[str, Any]) -> Finger:
                 f"Finger '{entry['name']}' names a joint '{name}' that the URDF does not have; it "
                 f"has {', '.join(tree.joint_names)}."
             )
-    if not 1 <= len(entry["joints"]) <= _MOST_LINKS:
-        raise RequestError(
-            f"Finger '{entry['name']}' has {len(entry['joints'])} closing joints; a finger may "
-            f"have 1 to {_MOST_LINKS}."
-        )
+    if not entry["joints"]:
+        raise RequestError(f"Finger '{entry['name']}' has 0 closing joints; give it one at least.")
     spread = entry.get("spread_joint")
     joints = tuple(tree.joint_names.index(name) for name in entry["joints"])
     moved_by = {int(joint): link for link, joint in enumerate(tree.link_joint) if joint >= 0}
@@ -341,6 +320,7 @@ def _check(hand: HandDescription) -> None:
             f"'{hand.name}' is coupled, which is known for two fingers that slide towards each "
             "other by the same amount only."
         )
+    check_limits(hand.name, hand.drive, hand.joint_upper[hand.finger_joints])
 
 
 def _is_parallel_pair(hand: HandDescription) -> bool:
@@ -354,24 +334,6 @@ def _is_parallel_pair(hand: HandDescription) -> bool:
     ]
     same_travel = hand.joint_upper[joints[0]] == hand.joint_upper[joints[1]]
     return bool(np.allclose(axes[0], -axes[1], atol=1e-9) and same_travel)
-
-
-def _drive(data: Mapping[str, Any]) -> Drive:
-    if "motor_upper_mm" in data:
-        upper = np.array(data["motor_upper_mm"], dtype=float) / 1000.0
-    else:
-        upper = np.radians(np.array(data["motor_upper_deg"], dtype=float))
-    ratio = data["motor_to_inner"] / data["motor_to_distal"] if "motor_to_distal" in data else 0.0
-    return Drive(
-        motor_names=tuple(data["motor_names"]),
-        motor_lower=np.zeros_like(upper),
-        motor_upper=upper,
-        motor_speed=upper / np.array(data["full_travel_s"], dtype=float),
-        distal_per_inner=ratio,
-        coupled=bool(data.get("coupled", False)),
-        breakaway_torque=float(data.get("breakaway_torque", 0.0)),
-        tip_point=np.array(data["tip_point_mm"], dtype=float) / 1000.0,
-    )
 
 
 def _desired_contacts(data: Mapping[str, Any], fingers: tuple[Finger, ...]) -> DesiredContacts:

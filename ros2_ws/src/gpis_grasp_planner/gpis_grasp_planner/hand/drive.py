@@ -1,15 +1,19 @@
-"""Motors to joints and back: coupling, TorqueSwitch breakaway, limits and travel times.
+"""Motors to joints and back, by the closing table: coupling, breakaway, stops and travel times.
 
-One worm-geared motor drives the inner and the distal joint of a finger. With the motor's angle M
-and the gear ratios 125 and 375 the firmware's law is
+One motor closes a finger of D joints. While the first h links are held, its joints move as row h of
+the table says (`Drive.closing_ratio`); a link is held from where it touches on, or from its stop on
+if the hand has such. The motor pulls on all joints alike: its angle counts the sum of their
+motions, in units of the first joint's while nothing is held,
+
+    m = (q_1 + ... + q_D) / (r_1 + ... + r_D),        r the table's first row.
+
+For the Barrett, whose worm gears have the ratios 125 and 375, that is the firmware's law
 
     inner = M / 125,          distal = M / 375                       before breakaway,
-    inner = held,             distal = M (1/125 + 1/375) - held      after it.
+    inner = held,             distal = M (1/125 + 1/375) - held      after it
 
-A finger of one link has its motor's position.
-
-Here a motor angle is ``m = M / 125``, the inner angle it gives without breakaway, so that
-distal = m / 3 before and 4/3 m - held after. Breakaway acts in closing only.
+with m = M / 125: distal = m / 3 before and 4/3 m - held after. Breakaway acts in closing only. A
+finger of one link has its motor's position.
 """
 
 from __future__ import annotations
@@ -21,12 +25,14 @@ from gpis_grasp_planner.hand.description import HandDescription
 
 Array = NDArray[np.float64]
 
+_AT_STOP = 1e-6
+
 
 def joints_from_motors(
     hand: HandDescription,
     spread: ArrayLike,
     motor: ArrayLike,
-    inner_stop: ArrayLike = np.inf,
+    held: ArrayLike = np.inf,
 ) -> Array:
     """Joint angles while the fingers close.
 
@@ -34,46 +40,90 @@ def joints_from_motors(
     ----------
     hand : HandDescription
     spread : (B,) array [rad]
-        Both spread joints follow it equally.
-    motor : (B, n_fingers) array [rad]
-        Angles the inner joints would have without breakaway.
-    inner_stop : (B, n_fingers) array [rad], optional
-        Inner angles at which the inner links were stopped and freed; infinite where they were
-        not. Below its stop a finger moves as if there were none.
+        All spread joints follow it equally.
+    motor : (B, F) array [rad]
+        Angles the first joints would have while nothing is held.
+    held : (B, F, D - 1) array [rad], optional
+        Angles at which all joints but the last were held, because their links touched; infinite
+        where they were not. Before that a finger moves as if there were none.
 
     Returns
     -------
     joints : (B, J) array [rad]
         Clipped to the joints' limits.
     """
+    drive = hand.drive
     motor = np.atleast_2d(np.asarray(motor, dtype=float))
-    inner = np.minimum(motor, inner_stop)
-    ratio = hand.drive.distal_per_inner
-    distal = motor * (1.0 + ratio) - inner
+    n = drive.n_links
+    held = np.broadcast_to(np.asarray(held, dtype=float), (*motor.shape, n - 1))
+    upper = hand.joint_upper[hand.finger_joints]
+    q = np.zeros((*motor.shape, n))
+    left = motor
+    for h in range(n - 1):
+        end = held[..., h]
+        if drive.advances_at_stop:
+            end = np.minimum(end, upper[:, h])
+        way = np.minimum(left / drive.row_gear[h], end - q[..., h])
+        if h:  # a motor may be where an earlier link is held
+            way = np.maximum(way, 0.0)
+        q += way[..., None] * drive.closing_ratio[h]
+        left = left - way * drive.row_gear[h]
+    q[..., -1] = motor * drive.row_travel[0] - q[..., :-1].sum(axis=-1)
     joints = np.zeros((len(motor), hand.n_joints))
     for index, finger in enumerate(hand.fingers):
         if finger.spread_joint >= 0:
             joints[:, finger.spread_joint] = spread
-        joints[:, finger.inner_joint] = inner[:, index]
-        if len(finger.joints) > 1:
-            joints[:, finger.distal_joint] = distal[:, index]
+        joints[:, list(finger.joints)] = q[:, index]
     return np.clip(joints, hand.joint_lower, hand.joint_upper)
 
 
 def motors_from_joints(hand: HandDescription, joints: ArrayLike) -> tuple[Array, Array]:
-    """Motor angles (spread (B,), motor (B, n_fingers)) [rad] that hold joint angles (B, J).
+    """Motor angles (spread (B,), motor (B, F)) [rad] that hold joint angles (B, J).
 
-    Inverse of :func:`joints_from_motors` on both sides of the breakaway: the motor is
-    (inner + distal) / (1 + 1/3). A posture that no drive reaches (distal below inner / 3) still
-    has a figure here; :func:`reachable` tells.
+    Inverse of :func:`joints_from_motors`, whatever is held. A posture that no drive reaches (a
+    joint behind its coupling) still has a figure here; :func:`reachable` tells.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
     spreading = [finger.spread_joint for finger in hand.fingers if finger.spread_joint >= 0]
     spread = joints[:, spreading].mean(axis=1) if spreading else np.zeros(len(joints))
-    inner = joints[:, [finger.inner_joint for finger in hand.fingers]]
-    distal = joints[:, [finger.distal_joint for finger in hand.fingers]]
-    both = (inner + distal) / (1.0 + hand.drive.distal_per_inner)
-    return spread, np.where(hand.two_links, both, inner)
+    q = joints[:, hand.finger_joints]
+    return spread, q.sum(axis=-1) / hand.drive.row_travel[0]
+
+
+def row_ends(hand: HandDescription, joints: ArrayLike) -> Array:
+    """Motor angles (B, F, D - 1) [rad] at which the joints but the last came to where they are.
+
+    From there on each of them is held in closed hands (B, J) [rad], and the next row moves.
+    """
+    joints = np.atleast_2d(np.asarray(joints, dtype=float))
+    q = joints[:, hand.finger_joints]
+    base = np.zeros_like(q)
+    ends = np.zeros((*q.shape[:2], hand.drive.n_links - 1))
+    motor = np.zeros(q.shape[:2])
+    for h in range(hand.drive.n_links - 1):
+        way = q[..., h] - base[..., h]
+        motor = motor + hand.drive.row_gear[h] * way
+        base += way[..., None] * hand.drive.closing_ratio[h]
+        ends[..., h] = motor
+    return ends
+
+
+def touch_motors(hand: HandDescription, joints: ArrayLike) -> Array:
+    """Motor angles (B, F) [rad] at which closed hands (B, J) [rad] had their first contact.
+
+    Where the first link was held that is not at its stop, or where the finger is, if that comes
+    first; of a finger that touches nothing a figure without meaning.
+    """
+    joints = np.atleast_2d(np.asarray(joints, dtype=float))
+    _, end = motors_from_joints(hand, joints)
+    if hand.drive.n_links == 1:
+        return end
+    ends = row_ends(hand, joints)
+    if hand.drive.advances_at_stop:
+        inner = hand.finger_joints[:, :-1]
+        at_stop = joints[:, inner] >= hand.joint_upper[inner] - _AT_STOP
+        ends = np.where(at_stop, end[..., None], ends)
+    return np.asarray(ends.min(axis=-1))
 
 
 def reachable(
@@ -81,7 +131,7 @@ def reachable(
 ) -> NDArray[np.bool_]:
     """Whether joint vectors (B, J) lie within limits and can be driven to, (B,) bool.
 
-    The spread joints must agree, as must the fingers of a coupled hand, and no distal joint may be
+    The spread joints must agree, as must the fingers of a coupled hand, and no joint may be
     behind its coupling.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
@@ -89,24 +139,27 @@ def reachable(
     high = (joints <= hand.joint_upper + tolerance).all(axis=1)
     spreading = [finger.spread_joint for finger in hand.fingers if finger.spread_joint >= 0]
     together = np.ptp(joints[:, spreading], axis=1) <= tolerance if spreading else np.array(True)
-    inner = joints[:, [finger.inner_joint for finger in hand.fingers]]
-    distal = joints[:, [finger.distal_joint for finger in hand.fingers]]
-    ahead = (distal >= hand.drive.distal_per_inner * inner - tolerance).all(axis=1)
+    q = joints[:, hand.finger_joints]
+    base = np.zeros_like(q)
+    ahead = np.ones(len(joints), dtype=np.bool_)
+    for h in range(hand.drive.n_links - 1):
+        base += (q[..., h] - base[..., h])[..., None] * hand.drive.closing_ratio[h]
+        ahead &= (q[..., h + 1] >= base[..., h + 1] - tolerance).all(axis=1)
     if hand.drive.coupled:
-        together = together & (np.ptp(inner, axis=1) <= tolerance)
+        together = together & (np.ptp(q[..., 0], axis=1) <= tolerance)
     return np.asarray(low & high & together & ahead)
 
 
-def motor_at_end(hand: HandDescription, inner_stop: ArrayLike) -> Array:
-    """Largest useful motor angle [rad] of a finger whose inner link was stopped at `inner_stop`.
+def motor_at_end(hand: HandDescription, held: ArrayLike) -> Array:
+    """Largest useful motor angle [rad] of a finger whose links were held at `held` (..., D - 1).
 
-    The distal joint's limit or the motor's end, whichever comes first; any shape.
+    The last joint's limit or the motor's end, whichever comes first.
     """
-    inner_stop = np.asarray(inner_stop, dtype=float)
-    distal_upper = hand.joint_upper[hand.fingers[0].distal_joint]
-    upper = float(hand.drive.motor_upper[1])
-    held = np.minimum(inner_stop, upper)
-    return np.minimum(upper, (held + distal_upper) / (1.0 + hand.drive.distal_per_inner))
+    upper = hand.joint_upper[list(hand.fingers[0].joints)]
+    motor_upper = float(hand.drive.motor_upper[1])
+    stopped = np.minimum(np.asarray(held, dtype=float), upper[:-1])
+    travel = stopped.sum(axis=-1) + upper[-1]
+    return np.asarray(np.minimum(motor_upper, travel / hand.drive.row_travel[0]))
 
 
 def travel_time(hand: HandDescription, start: ArrayLike, end: ArrayLike) -> Array:

@@ -18,7 +18,8 @@ def with_balance(
 ) -> PostureEvaluator:
     """An evaluator whose grasps have their imbalance; itself where the settings do not ask.
 
-    Forces and pushes are those of the trials, so that the search looks for what they will find.
+    Forces and pushes are those of the trials (forces the hand's own, if its description has
+    them), so that the search looks for what they will find.
     """
     share, trial = settings.hpp.balance_friction_share, settings.verification
     if share == 0.0:
@@ -28,8 +29,7 @@ def with_balance(
         part.center_of_mass,
         part.max_radius,
         share,
-        trial.tip_force_n,
-        trial.holding_force_n,
+        *trial.forces_n(hand.drive),
         trial.mass_kg * max(trial.acceleration_m_s2, _LEAST_ACCELERATION_M_S2),
     )
     return BalancedEvaluator(evaluator, balance)

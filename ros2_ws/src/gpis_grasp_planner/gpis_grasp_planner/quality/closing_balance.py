@@ -30,11 +30,10 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 
 Array = NDArray[np.float64]
 
-# A distal joint this far beyond its coupling has been freed from it, and a joint this near to its
-# end does not press [rad].
+# A joint this far beyond its coupling moves by a row of its own, and a joint this near to its end
+# does not press [rad].
 _FREED_RAD = 0.02
 _AT_END_RAD = 0.01
-_NO_LINK = -1
 _CONE_EDGES = 8
 # How much more a bound of a drive counts than the equilibrium: bounds are kept to some percent of
 # what remains unbalanced.
@@ -75,10 +74,8 @@ class ClosingBalance:
         self._scale = float(torque_scale)
         self._share = float(friction_share)
         self._press, self._hold = press_n / load_n, hold_n / load_n
-        self._inner = np.array([finger.inner_link for finger in hand.fingers])
-        distal = np.array([finger.distal_link for finger in hand.fingers])
-        self._distal = np.where(hand.two_links, distal, _NO_LINK)
-        self._slides = hand.joint_slides[[finger.inner_joint for finger in hand.fingers]]
+        self._links = np.array([finger.links for finger in hand.fingers])
+        self._slides = hand.joint_slides[hand.finger_joints[:, 0]]
         self._arms = np.array([tip_arms(hand, number) for number in range(len(hand.fingers))])
 
     def imbalance(
@@ -106,24 +103,16 @@ class ClosingBalance:
         hand = self._hand
         result = np.zeros(len(joints))
         poses = np.asarray(T_object_palm)[:, None] @ link_transforms(hand, joints)
-        inner = joints[:, [finger.inner_joint for finger in hand.fingers]]
-        distal = joints[:, [finger.distal_joint for finger in hand.fingers]]
-        inner_end = hand.joint_upper[[finger.inner_joint for finger in hand.fingers]]
-        distal_end = hand.joint_upper[[finger.distal_joint for finger in hand.fingers]]
-        freed = hand.two_links & (distal > hand.drive.distal_per_inner * inner + _FREED_RAD)
-        at_end = _AT_END_RAD * hand.closing_unit
-        ended = np.where(freed, distal > distal_end - at_end, inner > inner_end - at_end)
-        outermost = np.where(hand.two_links, self._distal, self._inner)
-        axes = np.stack([hand.joint_axis[self._inner], hand.joint_axis[outermost]], axis=1)
-        moving = np.stack([poses[:, self._inner], poses[:, outermost]], axis=2)
+        row, ended = self._rows(joints)
+        axes = hand.joint_axis[self._links]
+        moving = poses[:, self._links]
         imbalance_many(
             np.ascontiguousarray(np.einsum("bfjxy,fjy->bfjx", moving[..., :3, :3], axes)),
             np.ascontiguousarray(moving[..., :3, 3]),
             np.ascontiguousarray(T_object_palm, dtype=float),
-            np.ascontiguousarray(freed),
+            np.ascontiguousarray(row),
             np.ascontiguousarray(ended),
-            self._inner,
-            self._distal,
+            self._links,
             self._slides,
             self._arms,
             self._press,
@@ -140,51 +129,68 @@ class ClosingBalance:
         )
         return result
 
+    def _rows(self, joints: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """By which row of its closing table a finger moved last, and whether that ended, (B, F)."""
+        hand, drive = self._hand, self._hand.drive
+        q, upper = joints[:, hand.finger_joints], hand.joint_upper[hand.finger_joints]
+        at_end = q > upper - (_AT_END_RAD * hand.closing_unit)[:, None]
+        row = np.zeros(q.shape[:2], dtype=np.int64)
+        base = np.zeros_like(q)
+        for h in range(1, drive.n_links):
+            base += (q[..., h - 1] - base[..., h - 1])[..., None] * drive.closing_ratio[h - 1]
+            goes_on = q[..., h] > base[..., h] + _FREED_RAD
+            if drive.advances_at_stop:
+                goes_on |= (row == h - 1) & at_end[..., h - 1]
+            row[goes_on] = h
+        return row, np.take_along_axis(at_end, row[..., None], axis=-1)[..., 0]
 
-def tip_arms(hand: HandDescription, finger: int) -> tuple[float, float]:
-    """Distances [m] of a straight finger's tip from its inner and its distal joint.
+
+def tip_arms(hand: HandDescription, finger: int) -> tuple[float, ...]:
+    """Distances [m] of a straight finger's tip from each of its joints.
 
     1 where the finger slides: the joint's effort is the force itself.
     """
     if hand.joint_slides[hand.fingers[finger].inner_joint]:
-        return 1.0, 1.0
+        return (1.0,)
     tip = hand.drive.tip_point
-    T = hand.T_parent_joint[hand.fingers[finger].distal_link]
-    return float(np.linalg.norm(T[:3, :3] @ tip + T[:3, 3])), float(np.linalg.norm(tip))
+    arms = [float(np.linalg.norm(tip))]
+    for link in hand.fingers[finger].links[:0:-1]:
+        T = hand.T_parent_joint[link]
+        tip = T[:3, :3] @ tip + T[:3, 3]
+        arms.insert(0, float(np.linalg.norm(tip)))
+    return tuple(arms)
 
 
 @njit
 def imbalance_many(  # type: ignore[no-untyped-def]
-    axes, origins, T_object_palm, freed, ended, inner, distal, slides, arms, press, hold, share,
+    axes, origins, T_object_palm, leads, ended, finger_links, slides, arms, press, hold, share,
     center, scale, n_contacts, positions, normals, friction, links, result,
 ):  # fmt: skip
-    """Imbalances of B hands with F fingers; axes and origins (B, F, 2, 3) of inner and distal.
+    """Imbalances of B hands with F fingers of D links; axes and origins (B, F, D, 3).
 
-    A finger of one link has -1 in `distal`, and that link in `inner`.
+    Of a finger `leads` (B, F) says which joint presses, if it has not `ended`.
     """
-    n_fingers = len(inner)
+    n_fingers, n_links = finger_links.shape
+    n_joints = n_fingers * n_links
     for row in range(len(result)):
         k = n_contacts[row]
         if k == 0:
             result[row] = 0.0
             continue
         edges = k * _CONE_EDGES
-        n = edges + 4 * n_fingers
-        M = np.zeros((6 + 4 * n_fingers, n))
-        b = np.zeros(6 + 4 * n_fingers)
-        torque = np.zeros((2 * n_fingers, edges))
-        on_distal = np.zeros(n_fingers, dtype=np.bool_)
-        on_finger = np.zeros(n_fingers, dtype=np.bool_)
+        n = edges + 2 * n_joints
+        M = np.zeros((6 + 2 * n_joints, n))
+        b = np.zeros(6 + 2 * n_joints)
+        torque = np.zeros((n_joints, edges))
+        deepest = np.zeros(n_fingers, dtype=np.int64)  # links up to the outermost that touches
         for c in range(k):
-            finger, is_distal = -1, False
+            finger, loaded = -1, 0
             for f in range(n_fingers):
-                if links[row, c] == distal[f]:
-                    finger, is_distal = f, True
-                elif links[row, c] == inner[f]:
-                    finger = f
+                for j in range(n_links):
+                    if links[row, c] == finger_links[f, j]:
+                        finger, loaded = f, j + 1
             if finger >= 0:
-                on_finger[finger] = True
-                on_distal[finger] = on_distal[finger] or is_distal
+                deepest[finger] = max(deepest[finger], loaded)
             normal, at = normals[row, c], positions[row, c]
             # a tangent by the axis that the normal has least of
             least = 0
@@ -204,24 +210,21 @@ def imbalance_many(  # type: ignore[no-untyped-def]
                 M[:3, column] = force
                 M[3:6, column] = np.cross(at - center, force) / scale
                 if finger >= 0:
-                    for j in range(2 if is_distal else 1):
+                    for j in range(loaded):
                         arm = np.cross(at - origins[row, finger, j], force)
                         if slides[finger]:
                             arm = force
                         value = np.sum(arm * axes[row, finger, j]) / arms[finger, j]
-                        torque[2 * finger + j, column] = value
+                        torque[n_links * finger + j, column] = value
         rows = 6
         for f in range(n_fingers):
-            for j in range(2):
-                if not on_finger[f] or (j == 1 and not on_distal[f]):
-                    continue
-                # the joint that presses: the distal one of a freed finger, else the inner one
-                presses = (j == 1) == freed[row, f] and not ended[row, f]
+            for j in range(deepest[f]):
+                presses = j == leads[row, f] and not ended[row, f]
                 for bound in range(2):
                     sign = 1.0 if bound == 0 else -1.0
                     limit = hold if bound == 1 else (press if presses else -hold)
                     for column in range(edges):
-                        M[rows, column] = _BOUND_WEIGHT * torque[2 * f + j, column]
+                        M[rows, column] = _BOUND_WEIGHT * torque[n_links * f + j, column]
                     M[rows, edges + rows - 6] = -sign * _BOUND_WEIGHT
                     b[rows] = _BOUND_WEIGHT * limit
                     rows += 1

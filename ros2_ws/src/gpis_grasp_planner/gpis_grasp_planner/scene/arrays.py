@@ -64,6 +64,9 @@ class HandArrays(NamedTuple):
     finger_upper: Array  # (F, D) the joints' upper limits; a coupled finger's twice that
     finger_unit: Array  # (F,) what counts as 1 rad of the closing, `HandDescription.closing_unit`
     closing_ratio: Array  # (D, D) [h, k]: joint k's motion per joint h's while the first h are held
+    row_gear: Array  # (D,) the motor's motion per joint h's in row h
+    row_start: Array  # (F, D, D) [f, h, k]: where joint k is when row h begins after stops alone
+    advances_at_stop: bool  # a joint at its stop is held, and the next row goes on
     coupled: bool  # the fingers move together, by one motor
     open_links: Index  # links that the fingers' closing does not move
     link_is_palm: NDArray[np.bool_]  # (L,) friction group
@@ -144,7 +147,7 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
     axis = np.asarray(hand.joint_axis, dtype=float)
     probes, link_cover = _probes_of(hand)
     link_finger = np.full(n_links, -1, dtype=np.int64)
-    n_of_finger = len(hand.fingers[0].links)
+    n_of_finger = hand.drive.n_links
     probe_reach = np.zeros((n_links, probes.shape[1], n_of_finger))
     link_reach = np.zeros((n_links, n_of_finger))
     for index, finger in enumerate(hand.fingers):
@@ -186,7 +189,10 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
         finger_upper=np.array([hand.joint_upper[list(f.joints)] for f in hand.fingers])
         * (2.0 if hand.drive.coupled else 1.0),
         finger_unit=np.array(hand.closing_unit),
-        closing_ratio=closing_ratio(hand),
+        closing_ratio=np.array(hand.drive.closing_ratio),
+        row_gear=np.array(hand.drive.row_gear),
+        row_start=_row_start(hand),
+        advances_at_stop=bool(hand.drive.advances_at_stop),
         coupled=bool(hand.drive.coupled),
         open_links=np.flatnonzero(link_finger < 0).astype(np.int64),
         link_is_palm=np.array([group == "palm" for group in hand.link_friction_group]),
@@ -216,16 +222,15 @@ def object_arrays(
     )
 
 
-def closing_ratio(hand: HandDescription) -> Array:
-    """How a finger's D joints move while its first h links are held, (D, D).
-
-    Row h: each joint's motion per motion of joint h, the first that is free; the joints before it
-    are at rest. Before its breakaway a Barrett finger has (1, 1/3), after it the distal joint moves
-    alone. A link that touches is held, with all before it.
-    """
-    table = np.eye(len(hand.fingers[0].links))
-    table[0, 1:] = hand.drive.distal_per_inner
-    return table
+def _row_start(hand: HandDescription) -> Array:
+    """Where the joints of a finger that touches nothing are when each row begins, (F, D, D)."""
+    n = hand.drive.n_links
+    start = np.zeros((len(hand.fingers), n, n))
+    upper = hand.joint_upper[hand.finger_joints]
+    for h in range(n - 1):
+        way = upper[:, h] - start[:, h, h]
+        start[:, h + 1] = start[:, h] + way[:, None] * hand.drive.closing_ratio[h]
+    return start
 
 
 def _reach(hand: HandDescription, finger: Finger, j: int, k: int, points: Array) -> Array:

@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.hand.description import SLIDING_LEVER_M, Finger, HandDescription
+from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 
 Array = NDArray[np.float64]
+Gaps = tuple[float, ...]
 
 _REACH_M = 0.01
 _BISECTED = 1e-6
@@ -31,60 +33,46 @@ class BulletClosing:
     def __init__(self, hand: HandDescription, world: BulletWorld, gap: float):
         self.hand, self.world, self.gap = hand, world, gap
         self._moving = [link for f in hand.fingers for link in f.links]
-        self._radius, self._inner_radius = _radii(hand)
+        self._speed = _speeds(hand)
 
     def close(self, finger: Finger, joints: Array) -> bool:
-        """Close one finger: coupled until a link touches, then the distal link alone."""
-        hand, world, gap = self.hand, self.world, self.gap
-        if len(finger.links) == 1:
-            return self._close_one(finger, joints)
-        ratio = hand.drive.distal_per_inner
-        inner_upper = float(hand.joint_upper[finger.inner_joint])
-        distal_upper = float(hand.joint_upper[finger.distal_joint])
+        """Close one finger by the rows of its closing table; returns whether it touches."""
+        hand, drive = self.hand, self.hand.drive
+        members, n = list(finger.joints), drive.n_links
+        upper = hand.joint_upper[members] * (2.0 if drive.coupled else 1.0)
+        q = np.array(joints[members])
+        row, touched = 0, False
+        base = np.zeros(n)
+        while drive.advances_at_stop and row + 1 < n and q[row] >= upper[row] - _BISECTED:
+            row += 1
+            base = q - drive.closing_ratio[row] * q[row]
+        while row < n:
+            free = range(row, n)
 
-        def gaps_coupled(angle: float) -> tuple[float, float]:
-            world.set_joint(finger.inner_joint, angle)
-            world.set_joint(finger.distal_joint, min(ratio * angle, distal_upper))
-            return world.gap(finger.inner_link, _REACH_M), world.gap(finger.distal_link, _REACH_M)
+            def move(at: float, row: int = row, base: Array = base) -> None:
+                moved = np.minimum(base + drive.closing_ratio[row] * at, upper)
+                q[row:] = moved[row:]
+                for k in range(row, n):
+                    self.world.set_joint(members[k], q[k])
 
-        def gaps_distal(angle: float) -> tuple[float]:
-            world.set_joint(finger.distal_joint, angle)
-            return (world.gap(finger.distal_link, _REACH_M),)
+            def gaps(at: float, free: range = free, move: Callable[[float], None] = move) -> Gaps:
+                move(at)
+                return tuple(self.world.gap(finger.links[k], _REACH_M) for k in free)
 
-        own = self._radius[finger.distal_link]
-        speeds = (
-            self._radius[finger.inner_link],
-            self._inner_radius[finger.distal_link] + ratio * own,
-        )
-        inner, which = _advance(gaps_coupled, joints[finger.inner_joint], inner_upper, speeds, gap)
-        distal = min(ratio * inner, distal_upper)
-        touched = which is not None
-        if which == 0:
-            distal, _ = _advance(gaps_distal, distal, distal_upper, (own,), gap)
-        joints[finger.inner_joint] = inner
-        joints[finger.distal_joint] = distal
-        world.set_joint(finger.inner_joint, inner)
-        world.set_joint(finger.distal_joint, distal)
+            speeds = tuple(float(self._speed[row, finger.links[k]]) for k in free)
+            at, which = _advance(gaps, float(q[row]), float(upper[row]), speeds, self.gap)
+            move(at)
+            touched = touched or which is not None
+            if which is not None:
+                row += which + 1
+            elif drive.advances_at_stop and row + 1 < n:
+                row += 1
+            else:
+                break
+            if row < n:
+                base = q - drive.closing_ratio[row] * q[row]
+        joints[members] = q
         return touched
-
-    def _close_one(self, finger: Finger, joints: Array) -> bool:
-        """Close a finger of one link."""
-        world, joint = self.world, finger.inner_joint
-        slides = bool(self.hand.joint_slides[joint])
-
-        def gaps(position: float) -> tuple[float]:
-            world.set_joint(joint, position)
-            return (world.gap(finger.inner_link, _REACH_M),)
-
-        joints[joint], which = _advance(
-            gaps,
-            joints[joint],
-            float(self.hand.joint_upper[joint]) * (2.0 if self.hand.drive.coupled else 1.0),
-            (1.0 if slides else self._radius[finger.inner_link],),
-            self.gap,
-        )
-        world.set_joint(joint, joints[joint])
-        return which is not None
 
     def centre(self, T_object_palm: Array, joints: Array) -> None:
         """Move a coupled hand's palm, in place, until both jaws touch alike (`scene.centring`)."""
@@ -98,20 +86,25 @@ class BulletClosing:
 
     def fingers_meet(self, joints: Array, touched: Sequence[bool]) -> bool:
         """Whether a finger that touches the object meets another; free ones open to let it pass."""
-        hand, world = self.hand, self.world
-        for finger, touches in zip(hand.fingers, touched, strict=True):
-            while not touches and joints[finger.inner_joint] > 0.0 and self._meets(finger, 1e-4):
-                unit = SLIDING_LEVER_M if hand.joint_slides[finger.inner_joint] else 1.0
-                inner = max(joints[finger.inner_joint] - 0.05 * unit, 0.0)
-                joints[finger.inner_joint] = inner
-                if len(finger.joints) > 1:
-                    joints[finger.distal_joint] = hand.drive.distal_per_inner * inner
-                    world.set_joint(finger.distal_joint, joints[finger.distal_joint])
-                world.set_joint(finger.inner_joint, inner)
+        hand = self.hand
+        for index, finger in enumerate(hand.fingers):
+            members = list(finger.joints)
+            while not touched[index] and joints[members].max() > 0.0 and self._meets(finger, 1e-4):
+                self._open(index, joints)
         return any(
             touches and self._meets(finger, 1e-5)
             for finger, touches in zip(hand.fingers, touched, strict=True)
         )
+
+    def _open(self, index: int, joints: Array) -> None:
+        """Open a finger that touches nothing by a step along the way it came."""
+        hand, finger = self.hand, self.hand.fingers[index]
+        _, motors = motors_from_joints(hand, joints)
+        motors[0, index] = max(motors[0, index] - 0.05 * hand.closing_unit[index], 0.0)
+        opened = joints_from_motors(hand, np.zeros(1), motors)[0]
+        for joint in finger.joints:
+            joints[joint] = opened[joint]
+            self.world.set_joint(joint, joints[joint])
 
     def _meets(self, finger: Finger, limit: float) -> bool:
         own = {*finger.links, finger.knuckle_link}
@@ -123,7 +116,7 @@ class BulletClosing:
 
 
 def _advance(
-    gaps: Callable[[float], tuple[float, ...]],
+    gaps: Callable[[float], Gaps],
     start: float,
     end: float,
     speeds: tuple[float, ...],
@@ -165,13 +158,23 @@ def _advance(
         angle = min(angle + max(min(steps), _BISECTED), end)
 
 
-def _radii(hand: HandDescription) -> tuple[Array, Array]:
-    """Largest distance of a link's points from its own axis and from its finger's inner axis."""
-    own = np.zeros(hand.n_links)
-    inner = np.zeros(hand.n_links)
-    for link, pieces in enumerate(hand.link_collision):
-        points = np.concatenate([piece.vertices for piece in pieces])
-        own[link] = np.linalg.norm(np.cross(hand.joint_axis[link], points), axis=1).max()
-        offset = np.linalg.norm(hand.T_parent_joint[link][:3, 3])
-        inner[link] = offset + np.linalg.norm(points, axis=1).max()
-    return own, inner
+def _speeds(hand: HandDescription) -> Array:
+    """Largest speed (D, L) of a finger link's points per motion of the first joint of each row."""
+    speeds = np.zeros((hand.drive.n_links, hand.n_links))
+    for finger in hand.fingers:
+        for number, link in enumerate(finger.links):
+            points = np.concatenate([piece.vertices for piece in hand.link_collision[link]])
+            axis = hand.joint_axis[link]
+            reach = [
+                1.0
+                if hand.joint_slides[finger.joints[number]]
+                else float(np.linalg.norm(np.cross(axis, points), axis=1).max())
+            ]
+            lever = float(np.linalg.norm(points, axis=1).max())
+            for inwards in finger.links[number:0:-1]:
+                lever += float(np.linalg.norm(hand.T_parent_joint[inwards][:3, 3]))
+                reach.insert(0, lever)
+            for row in range(number + 1):
+                ratio = hand.drive.closing_ratio[row, row : number + 1]
+                speeds[row, link] = ratio @ np.array(reach[row:])
+    return speeds

@@ -3,7 +3,8 @@
 Every finger closes at its own until a link touches. By its table (`HandArrays.closing_ratio`) the
 links from there inwards are held while those outwards of it go on; its outermost link that touches
 stops the finger. For the Barrett that is the TorqueSwitch breakaway: an inner link that touches is
-freed and holds while the distal link goes on. A finger that slides has one link, and its way in
+freed and holds while the distal link goes on. Of a hand that advances at stops a joint at its
+stop is held as well, and the next row goes on. A finger that slides has one link, and its way in
 metres counts by `HandArrays.finger_unit`. The fingers of a coupled hand are brought to one position
 afterwards (`scene.centring`).
 
@@ -151,6 +152,24 @@ def _advance(hand, obj, finger, held, start, base, q, gap, R, t, work):  # type:
 
 
 @njit
+def _first_row(hand, finger, joints, q, base, R, t):  # type: ignore[no-untyped-def]
+    """The row in which a finger starts from `joints`, beyond its stops; fills q and base (D,)."""
+    n = hand.finger_link.shape[1]
+    row = 0
+    base[:] = 0.0
+    while hand.advances_at_stop and row + 1 < n:
+        q[row] = joints[hand.finger_joint[finger, row]]
+        if q[row] < hand.finger_upper[finger, row] - 1e-9:
+            break
+        place_link(hand, hand.finger_link[finger, row], q[row], R, t)
+        row += 1
+        start = hand.row_start[finger, row]
+        for k in range(n):
+            base[k] = start[k] - hand.closing_ratio[row, k] * start[row]
+    return row
+
+
+@njit
 def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-untyped-def]
     """Close all fingers from `joints` (spread set, fingers open); `joints`, R and t follow.
 
@@ -163,16 +182,18 @@ def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-un
     q = np.empty(n)
     base = np.empty(n)
     for finger in range(n_fingers):
-        base[:] = 0.0
-        held = 0
-        s = joints[hand.finger_joint[finger, 0]]
+        held = _first_row(hand, finger, joints, q, base, R, t)
+        s = joints[hand.finger_joint[finger, held]]
         while held < n:
             s, link = _advance(hand, obj, finger, held, s, base, q, gap, R, t, work)
             _move_finger(hand, finger, held, s, base, q, R, t)
             touched[finger] = touched[finger] or link >= 0
-            if link < 0:
+            if link >= 0:
+                held = link + 1
+            elif hand.advances_at_stop and held + 1 < n:
+                held += 1
+            else:
                 break
-            held = link + 1
             if held < n:
                 s = q[held]
                 for k in range(held, n):
@@ -183,14 +204,20 @@ def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-un
     for finger in range(n_fingers):
         if touched[finger]:
             continue
-        base[:] = 0.0
+        row = n - 1 if hand.advances_at_stop else 0
         while finger_meets_hand(hand, finger, R, t, 1e-4, work, other):
-            s = max(joints[hand.finger_joint[finger, 0]] - 0.05 * hand.finger_unit[finger], 0.0)
-            _move_finger(hand, finger, 0, s, base, q, R, t)
+            start = hand.row_start[finger, row]
+            for k in range(n):
+                base[k] = start[k] - hand.closing_ratio[row, k] * start[row]
+                q[k] = joints[hand.finger_joint[finger, k]]
+            s = max(q[row] - 0.05 * hand.finger_unit[finger], start[row])
+            _move_finger(hand, finger, row, s, base, q, R, t)
             for k in range(n):
                 joints[hand.finger_joint[finger, k]] = q[k]
-            if s <= 0.0:
-                break
+            if s <= start[row]:
+                if row == 0:
+                    break
+                row -= 1
     for finger in range(n_fingers):
         if touched[finger] and finger_meets_hand(hand, finger, R, t, 1e-5, work, other):
             return -1

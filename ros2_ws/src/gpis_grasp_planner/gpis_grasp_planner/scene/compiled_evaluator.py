@@ -97,10 +97,11 @@ class CompiledEvaluator:
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
         """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [rad]; see the protocol."""
         n, n_fingers = len(motors), len(self.hand.fingers)
+        n_inner = max(1, self.hand.drive.n_links - 1)
         result = Postures(
             joints=np.zeros((n, self.hand.n_joints)),
-            points=np.zeros((n, n_fingers, 2, 3)),
-            inner_touches=np.zeros((n, n_fingers), dtype=np.bool_),
+            points=np.zeros((n, n_fingers, 1 + n_inner, 3)),
+            inner_touches=np.zeros((n, n_fingers, n_inner), dtype=np.bool_),
         )
         postures_many(
             self._hand,

@@ -1,10 +1,11 @@
 """Postures for given motor angles, compiled: what ADMM-CP-Opt optimises over.
 
 A hand like the Barrett is under-actuated. For a palm pose, a spread and one angle per finger motor
-the inner link goes where its motor takes it, or stops where it touches the object and is freed; the
-distal link follows the coupling before that and goes on by itself after it. The distal link alone
-is not stopped: whether its contact point lies on, off or in the surface is the constraint that the
-optimisation has to satisfy. The one link of a finger without a distal one is an inner link.
+an inner link goes where its motor takes it, or stops where it touches the object and is held; the
+links outwards of it follow the closing table before that and go on by its next row after it. The
+outermost link alone is not stopped: whether its contact point lies on, off or in the surface is the
+constraint that the optimisation has to satisfy. The one link of a finger without others is an inner
+link.
 """
 
 from __future__ import annotations
@@ -26,17 +27,18 @@ _CLEARANCE = 0.0006
 _NEAR = 0.004
 _WATCHED_STEP = 0.08  # as in closing
 _UNWATCHED = 0.08
+_BISECTIONS = 14
 
 
 @njit
-def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-untyped-def]
-    """Angle at which the inner link stops on its way to `motor`, and whether it touches."""
-    link = hand.finger_link[finger, 0]
+def _close_inner(hand, obj, finger, h, start, motor, gap, R, t, work):  # type: ignore[no-untyped-def]
+    """Angle at which inner link h stops on its way to `motor`, and whether it touches."""
+    link = hand.finger_link[finger, h]
     unit = hand.finger_unit[finger]
-    angle = free = 0.0
+    angle = free = start
     for _ in range(60):
         place_link(hand, link, angle, R, t)
-        step, d = coarse_step(hand, obj, finger, 0, R, t, _CLEARANCE, 0)
+        step, d = coarse_step(hand, obj, finger, h, R, t, _CLEARANCE, h)
         if step < 0.002 * unit:
             break
         if surely_free(hand, obj, link, d) <= 0.0:
@@ -63,9 +65,27 @@ def _close_inner(hand, obj, finger, motor, gap, R, t, work):  # type: ignore[no-
             return free, True
         if free >= motor:
             return motor, False
-        angle = min(motor, angle + (d - gap) / hand.link_reach[link, 0])
+        angle = min(motor, angle + (d - gap) / hand.link_reach[link, h])
     place_link(hand, link, free, R, t)
     return free, exact_gap(hand, obj, link, R, t, _NEAR, work) < 1e-3
+
+
+@njit
+def _stop_at(hand, obj, finger, h, k, start, end, of, R, t, work):  # type: ignore[no-untyped-def]
+    """Where row h, from `start` to `end`, is stopped by inner link k, and whether it is."""
+    free, tried, stopped = start, end, False
+    for _ in range(_BISECTIONS):
+        for j in range(h, k + 1):
+            angle = of[j] + hand.closing_ratio[h, j] * (tried - start)
+            place_link(hand, hand.finger_link[finger, j], angle, R, t)
+        if overlaps(hand, obj, hand.finger_link[finger, k], R, t, work):
+            end, stopped = tried, True
+        else:
+            free = tried
+        if not stopped:
+            break
+        tried = 0.5 * (free + end)
+    return free, stopped
 
 
 @njit
@@ -89,17 +109,62 @@ def _nearest_point(hand, obj, link, R, t, out):  # type: ignore[no-untyped-def]
 
 
 @njit
+def _close_finger(hand, obj, finger, motor, gap, q, R, t, work, of, points, inner_touches):  # type: ignore[no-untyped-def]
+    """One finger's joints in q (J,), its points (1 + I, 3) and touches (I,); `of` is work (D,)."""
+    n = hand.finger_link.shape[1]
+    last = n - 1
+    left = motor
+    bent = 0.0
+    of[:] = 0.0
+    h = 0
+    while h < max(1, last):
+        upper = hand.finger_upper[finger, h]
+        start = min(of[h], upper)
+        wanted = min(start + left / hand.row_gear[h], upper)
+        at, touches = _close_inner(hand, obj, finger, h, start, wanted, gap, R, t, work)
+        held = h
+        for k in range(h + 1, last):
+            at, earlier = _stop_at(hand, obj, finger, h, k, start, at, of, R, t, work)
+            if earlier:
+                held = k
+                touches = True
+        way = at - start
+        left = max(left - way * hand.row_gear[h], 0.0)
+        for k in range(h, n):
+            of[k] += hand.closing_ratio[h, k] * way
+        if touches:
+            inner_touches[held] = True
+        elif not (hand.advances_at_stop and at >= upper):
+            left = 0.0
+        for k in range(h, held + 1):
+            link = hand.finger_link[finger, k]
+            q[hand.finger_joint[finger, k]] = of[k]
+            bent += of[k]
+            place_link(hand, link, of[k], R, t)
+            _nearest_point(hand, obj, link, R, t, points[1 + k])
+        h = held + 1
+    if last > 0:
+        distal = motor * np.sum(hand.closing_ratio[0]) - bent
+        distal = min(max(distal, 0.0), hand.finger_upper[finger, last])
+        q[hand.finger_joint[finger, last]] = distal
+        place_link(hand, hand.finger_link[finger, last], distal, R, t)
+    _nearest_point(hand, obj, hand.finger_link[finger, last], R, t, points[0])
+
+
+@njit
 def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # type: ignore[no-untyped-def]
     """Postures of motors (B, 1 + F) [spread, fingers] at palm poses T (B, 4, 4).
 
-    Fills joints (B, J), points (B, F, 2, 3), the point of each finger's distal (0) and inner (1)
-    link nearest to the object, and inner_touches (B, F).
+    Fills joints (B, J), points (B, F, 1 + I, 3), the point of each finger's outermost (0) and
+    inner links nearest to the object, and inner_touches (B, F, I); I is D - 1, or 1 of fingers
+    with one link.
     """
     n_links = hand.parent.shape[0]
-    n_fingers, n_links_each = hand.finger_link.shape
+    n_fingers, n = hand.finger_link.shape
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
     work = np.empty((512, 3))
+    of = np.empty(n)
     for b in range(T.shape[0]):
         q = joints[b]
         q[:] = 0.0
@@ -107,18 +172,7 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
             q[hand.spread_joints[k]] = motors[b, 0]
         place_hand(hand, q, T[b], R, t)
         for finger in range(n_fingers):
-            motor = motors[b, 1 + finger]
-            inner, touches = _close_inner(
-                hand, obj, finger, min(motor, hand.finger_upper[finger, 0]), gap, R, t, work
-            )
-            q[hand.finger_joint[finger, 0]] = inner
-            place_link(hand, hand.finger_link[finger, 0], inner, R, t)
-            last = n_links_each - 1
-            if last > 0:
-                distal = motor * (1.0 + hand.closing_ratio[0, 1]) - inner
-                distal = min(max(distal, 0.0), hand.finger_upper[finger, 1])
-                q[hand.finger_joint[finger, 1]] = distal
-                place_link(hand, hand.finger_link[finger, 1], distal, R, t)
-            inner_touches[b, finger] = touches
-            _nearest_point(hand, obj, hand.finger_link[finger, last], R, t, points[b, finger, 0])
-            _nearest_point(hand, obj, hand.finger_link[finger, 0], R, t, points[b, finger, 1])
+            _close_finger(
+                hand, obj, finger, motors[b, 1 + finger], gap, q, R, t, work, of,
+                points[b, finger], inner_touches[b, finger],
+            )  # fmt: skip

@@ -198,7 +198,7 @@ class ContactPointOptimiser:
     def _posture_quality(self, T: Array, postures: Postures, b: int) -> float:
         c = self._context
         candidates = postures.points[b, :, 0]
-        inner = postures.points[b, postures.inner_touches[b], 1]
+        inner = postures.points[b, :, 1:][postures.inner_touches[b]]
         points = np.concatenate([candidates, inner])
         value, gradient = c.atlas.surface.value_and_gradient(points)
         length = np.linalg.norm(gradient, axis=1)

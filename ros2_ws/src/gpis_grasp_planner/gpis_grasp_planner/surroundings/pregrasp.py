@@ -24,7 +24,12 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.hand_motion import HandPieces, shifted
 from gpis_grasp_planner.hand.description import Finger, HandDescription
-from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, reachable
+from gpis_grasp_planner.hand.drive import (
+    joints_from_motors,
+    motors_from_joints,
+    reachable,
+    touch_motors,
+)
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh
 
@@ -68,13 +73,14 @@ def narrow_pregrasp(
     opened = np.stack([g.pregrasp_joints for g in grasps])
     closed = np.stack([g.joints for g in grasps])
     spread, start = motors_from_joints(hand, opened)
-    stop = closed[:, [finger.inner_joint for finger in hand.fingers]]
+    held = closed[:, hand.finger_joints[:, :-1]]
+    touch = touch_motors(hand, closed)
     _, end = motors_from_joints(hand, closed)
     motors = start.copy()
     can = (end > start) & reachable(hand, opened)[:, None]
 
     def free(trial: Array, asked: NDArray[np.bool_], approach: bool) -> NDArray[np.bool_]:
-        joints = joints_from_motors(hand, spread, trial, stop)
+        joints = joints_from_motors(hand, spread, trial, held)
         return _fingers_are_free(hand, grasps, joints, tree, clearance_m, asked, approach)
 
     step = _STEP_RAD * hand.closing_unit
@@ -96,13 +102,13 @@ def narrow_pregrasp(
         wide &= motors > start
     if together:
         touches = can & _touching(hand, grasps)
-        way = np.where(touches, np.minimum(stop, end) - motors, -np.inf)
+        way = np.where(touches, np.minimum(touch, end) - motors, -np.inf)
         longest = way.max(axis=1, keepdims=True)
         wider = np.where(touches, np.maximum(motors - (longest - way), start), motors)
         moved = wider < motors - 1e-9
         as_free = free(wider, moved, approach=True) | ~moved
         motors = np.where(as_free.all(axis=1, keepdims=True), wider, motors)
-    narrow = joints_from_motors(hand, spread, motors, stop)
+    narrow = joints_from_motors(hand, spread, motors, held)
     return [
         grasp if _fingers_meet(hand, joints) else replace(grasp, pregrasp_joints=joints)
         for grasp, joints in zip(grasps, narrow, strict=True)
@@ -131,12 +137,13 @@ def timed_pregrasp(
     closed = np.stack([g.joints for g in grasps])
     spread, start = motors_from_joints(hand, opened)
     _, end = motors_from_joints(hand, closed)
-    stop = closed[:, [finger.inner_joint for finger in hand.fingers]]
+    held = closed[:, hand.finger_joints[:, :-1]]
+    touch = touch_motors(hand, closed)
     touches = _touching(hand, grasps) & reachable(hand, opened)[:, None]
-    way = np.where(touches, np.minimum(stop, end) - start, np.inf)
+    way = np.where(touches, np.minimum(touch, end) - start, np.inf)
     later = np.where(touches, way - way.min(axis=1, keepdims=True), 0.0)
     moved = later > 1e-9
-    joints = joints_from_motors(hand, spread, start + np.where(moved, later, 0.0), stop)
+    joints = joints_from_motors(hand, spread, start + np.where(moved, later, 0.0), held)
     free = _fingers_are_free(hand, grasps, joints, tree, clearance_m, moved, True) | ~moved
     better = np.asarray(free.all(axis=1) & moved.any(axis=1))
     return [
@@ -155,8 +162,8 @@ def arrival_spread_s(hand: HandDescription, grasp: Grasp) -> float:
     touches = _touching(hand, [grasp])[0]
     _, start = motors_from_joints(hand, grasp.pregrasp_joints)
     _, end = motors_from_joints(hand, grasp.joints)
-    stop = grasp.joints[[finger.inner_joint for finger in hand.fingers]]
-    times = (np.minimum(stop, end[0]) - start[0]) / hand.drive.motor_speed[1:]
+    touch = touch_motors(hand, grasp.joints)[0]
+    times = (np.minimum(touch, end[0]) - start[0]) / hand.drive.motor_speed[1:]
     return float(np.ptp(times[touches])) if touches.sum() > 1 else 0.0
 
 

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.surface_points import SurfacePoints
 from gpis_grasp_planner.scene.arrays import kept_surface_points
@@ -18,6 +19,7 @@ from gpis_grasp_planner.scene.arrays import kept_surface_points
 Array = NDArray[np.float64]
 
 _POSTURES = 6
+_POSTURES_BY_ROWS = 12
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,16 @@ class Reach:
         for finger, unit in zip(self.hand.fingers, self.hand.closing_unit, strict=True):
             end[list(finger.joints)] += allowance.farther_rad * unit
         end = np.minimum(np.maximum(start, end), self.hand.joint_upper)
-        way = end + np.linspace(1.0, 0.0, _POSTURES)[:, None] ** 2 * (start - end)
+        if self.hand.drive.advances_at_stop:  # joints move one after the other
+            held = np.array(closed, dtype=float)[None, self.hand.finger_joints[:, :-1]]
+            spread, first = motors_from_joints(self.hand, start)
+            _, last = motors_from_joints(self.hand, closed)
+            share = np.linspace(0.0, 1.0, _POSTURES_BY_ROWS)[:, None]
+            motors = first + share * (last - first)
+            law = joints_from_motors(self.hand, np.full(len(motors), spread[0]), motors, held)
+            way = np.concatenate([end[None], law])
+        else:
+            way = end + np.linspace(1.0, 0.0, _POSTURES)[:, None] ** 2 * (start - end)
         poses = link_transforms(self.hand, way)
         offsets = self.points.offsets
         swept = np.concatenate(

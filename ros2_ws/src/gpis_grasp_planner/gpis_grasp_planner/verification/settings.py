@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gpis_grasp_planner.hand.drive_train import Drive
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 ENGINE_CHOICES = ("auto", "bullet", "mujoco", "both")
@@ -76,10 +77,17 @@ class VerificationSettings(SettingsGroup):
         1e-3, low=0.0, high=0.01, description="Deepest penetration at the start."
     )
     tip_force_n: float = setting(
-        15.0, low=0.1, high=100.0, description="Force with which a fingertip presses."
+        15.0,
+        low=0.1,
+        high=100.0,
+        description="Force with which a fingertip presses, where the hand's description has none.",
     )
     holding_force_n: float = setting(
-        20.0, low=0.1, high=1000.0, description="Force a fingertip resists when driven back."
+        20.0,
+        low=0.1,
+        high=1000.0,
+        description="Force a fingertip resists when driven back, where the hand's description has "
+        "none.",
     )
     closing_speed_rad_s: float = setting(
         1.2, low=0.05, high=5.0, description="Speed of the inner joints while closing."
@@ -146,3 +154,11 @@ class VerificationSettings(SettingsGroup):
     cover_tolerance_m: float = setting(
         2e-4, low=2e-5, high=2e-3, description="How far convex pieces may stand out of the object."
     )
+
+    def forces_n(self, drive: Drive) -> tuple[float, float]:
+        """With which a fingertip of a hand presses, and which it resists [N]."""
+        press, hold = drive.tip_force_n, drive.holding_force_n
+        return (
+            self.tip_force_n if press is None else press,
+            self.holding_force_n if hold is None else hold,
+        )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.surface_points import SurfacePoints
 from gpis_grasp_planner.scene.arrays import kept_surface_points
@@ -60,16 +61,25 @@ class StartFinder:
         That far the fingers travel freely, so that it needs no physics.
         """
         joints = np.array(pregrasp_joints, dtype=float)
-        for finger, unit in zip(self.hand.fingers, self.hand.closing_unit, strict=True):
-            first = float(pregrasp_joints[finger.inner_joint])
-            upper = float(self.hand.joint_upper[finger.inner_joint])
+        drive = self.hand.drive
+        _, start = motors_from_joints(self.hand, joints)
+        for index, finger in enumerate(self.hand.fingers):
+            unit = self.hand.closing_unit[index]
+            if drive.advances_at_stop:
+                first, upper = float(start[0, index]), float(drive.motor_upper[1 + index])
+            else:  # by the first row alone
+                first = float(pregrasp_joints[finger.inner_joint])
+                upper = float(self.hand.joint_upper[finger.inner_joint])
             travel = np.append(np.arange(first, upper, _TRAVEL_STEP_RAD * unit), max(first, upper))
             closing = np.repeat(joints[None], len(travel), axis=0)
-            closing[:, finger.inner_joint] = travel
-            if len(finger.joints) > 1:
-                closing[:, finger.distal_joint] = np.maximum(
-                    travel * self.hand.drive.distal_per_inner, joints[finger.distal_joint]
-                )
+            members = list(finger.joints)
+            if drive.advances_at_stop:
+                motors = np.zeros((len(travel), len(self.hand.fingers)))
+                motors[:, index] = travel
+                law = joints_from_motors(self.hand, np.zeros(len(travel)), motors)[:, members]
+            else:
+                law = travel[:, None] * drive.closing_ratio[0]
+            closing[:, members] = np.maximum(law, joints[members])
             near = self.clearance(T_object_palm, closing, list(finger.links))
             met = np.flatnonzero(near < _CLEARANCE_M)
             # a finger that meets nothing stays where it is seen to be free

@@ -141,7 +141,7 @@ class TrialWorld:
             self.engine.step(steps, force)
             touching = self._inner_links_touching()
             for drive in self.drives:
-                drive.update(interval_s, drive.finger.inner_link in touching)
+                drive.update(interval_s, touching)
             if self.hand.drive.coupled and all(d.phase is Phase.PRESSING for d in self.drives):
                 self.drives[0].hold()
         return rounds * interval_s
@@ -165,9 +165,9 @@ class TrialWorld:
         return self.engine.contacts()
 
     def _inner_links_touching(self) -> set[int]:
-        waiting = [drive for drive in self.drives if drive.phase is Phase.CLOSING]
         return {
-            drive.finger.inner_link
-            for drive in waiting
-            if self.engine.press_of(drive.finger.inner_link) > _TOUCH_N
+            link
+            for drive in self.drives
+            for link in drive.inner_links
+            if self.engine.press_of(link) > _TOUCH_N
         }
