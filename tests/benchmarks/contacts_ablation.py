@@ -35,7 +35,7 @@ from gpis_grasp_planner.plan.constraints import make_constraints  # noqa: E402
 from gpis_grasp_planner.plan.planner import GraspPlanner  # noqa: E402
 from gpis_grasp_planner.plan.request import PlanRequest  # noqa: E402
 from gpis_grasp_planner.plan.warm_up import load_compiled  # noqa: E402
-from gpis_grasp_planner.quality.objective import EpsilonVolume
+from gpis_grasp_planner.quality.objective import EpsilonVolume  # noqa: E402
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator  # noqa: E402
 from gpis_grasp_planner.search.archive import GraspArchive  # noqa: E402
 from gpis_grasp_planner.search.context import PlanningContext  # noqa: E402

@@ -69,7 +69,7 @@ def test_the_best_seed_is_told_at_the_pose_where_it_was_found(
     optimiser = search._optimiser
     assert_allclose(proposals.X, optimiser.asked[0], atol=0.0)
     attempts, owner = adapted[0].attempts, adapted[0].proposal
-    objective = context.objective
+    weight = context.settings.hpp.volume_weight
     face_height = context.T_palm_face[2, 3]
     for k in range(12):
         best, value = best_of(attempts, np.flatnonzero(owner == k), weight)

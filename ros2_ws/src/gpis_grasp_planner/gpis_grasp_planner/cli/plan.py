@@ -208,7 +208,8 @@ def _show(result: PlanResult) -> None:
 
     verified = result.request.verification != "none"
     hand = load_hand(result.hand)
-    tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified))
+    objective = result.settings.get("objective", {}).get("name", "")
+    tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified, objective))
     print()
     tables.print_text(grasp_table.order_text(result))
     tables.print_text(grasp_table.LEGEND)

@@ -3,7 +3,7 @@
 All coefficients are lowered by one share; the pyramids of a smaller share lie inside those of a
 larger one, so that bisection finds the smallest. Force closure: the wrenches span all six
 directions, and the origin is a positive combination of all of them (Murray, Li and Sastry, A
-Mathematical Introduction to Robotic Manipulation, 1994, prop. 5.3).
+Mathematical Introduction to Robotic Manipulation, 1994, ch. 5).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FIGURE = Figure(
     False,
     "Smallest friction at which the contacts still have force closure: the largest coefficient "
     "among them, where all are lowered by the same share.",
-    "Least mu with 0 inside the wrench hull; Murray, Li and Sastry 1994, prop. 5.3.",
+    "Least mu with 0 inside the wrench hull; Murray, Li and Sastry 1994, ch. 5.",
 )
 _STEPS = 14  # the share to 1 / 16384
 _POSITIVE = 1e-7

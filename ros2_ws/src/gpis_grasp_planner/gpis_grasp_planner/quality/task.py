@@ -3,7 +3,7 @@
 A task is the hull of a few loads that act on the part in the hand: its weight, what a hole pushes
 back with, what a screw turns back with. The figure is the largest multiple of the task's loads that
 contact forces with normal parts of 1 in sum balance, the worst of the loads counting (Borst,
-Fischer and Hirzinger, Grasp Planning: How to Choose a Suitable Task Wrench Space, ICRA 2004, eq. 6,
+Fischer and Hirzinger, Grasp Planning: How to Choose a Suitable Task Wrench Space, ICRA 2004,
 for the L1 wrench space):
 
 ``min over loads l of max t,  sum_i a_i w_i = -t l,  sum_i a_i = 1,  a_i >= 0``
@@ -43,7 +43,7 @@ FIGURE = Figure(
     True,
     "Largest load of the wanted task (objective.task) that the contacts balance, over their "
     "normal forces in sum.",
-    "Ray shooting in the L1 wrench space; Borst, Fischer and Hirzinger, ICRA 2004, eq. 6.",
+    "Ray shooting in the L1 wrench space; Borst, Fischer and Hirzinger, ICRA 2004.",
 )
 # Whether the load has a force against the axis, and a torque against it.
 KINDS = {"lift": (True, False), "insert": (True, False), "turn": (False, True),
