@@ -39,7 +39,7 @@ def test_an_unknown_hand(gpis_grasp) -> None:
 def test_the_list_names_the_default_and_the_gripper(gpis_grasp) -> None:
     lines = gpis_grasp("hand", "list").out.splitlines()
     assert "barrett_bh280 (default)" in lines
-    assert {"parallel_jaw", "three_finger_adaptive"} <= set(lines)
+    assert {"parallel_jaw", "three_finger_adaptive", "four_finger_16"} <= set(lines)
 
 
 def test_a_good_hand_passes_and_a_bad_one_is_explained(gpis_grasp, tmp_path) -> None:

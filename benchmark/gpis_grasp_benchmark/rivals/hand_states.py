@@ -64,7 +64,7 @@ class HandStates:
         self._joints_of_motors = np.zeros((len(hand.drive.motor_names), hand.n_joints))
         for motor, finger in enumerate(hand.fingers, start=1):
             if finger.spread_joint >= 0:
-                self._joints_of_motors[0, finger.spread_joint] = 1.0
+                self._joints_of_motors[0, finger.spread_joint] = finger.spread_gain
             self._joints_of_motors[motor, list(finger.joints)] = hand.drive.closing_ratio[0]
 
     def faces(self, states: Array) -> Array:

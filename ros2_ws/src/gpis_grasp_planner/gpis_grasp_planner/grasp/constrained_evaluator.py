@@ -21,6 +21,7 @@ from gpis_grasp_planner.grasp.funnel import Step, Tally
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, touch_motors
+from gpis_grasp_planner.hand.preshape import spread_of
 
 Array = NDArray[np.float64]
 
@@ -110,9 +111,7 @@ class ConstrainedEvaluator:
             return self._counted(self._evaluator.attempt_from(T_object_palm, joints))
         free = self._screen(T_object_palm, joints)
         made = self._evaluator.attempt_from(T_object_palm[free], joints[free])
-        spreading = [f.spread_joint for f in self._hand.fingers if f.spread_joint >= 0]
-        spread = joints[:, spreading].mean(axis=1) if spreading else np.zeros(len(joints))
-        attempts = _among(made, free, T_object_palm, joints, spread)
+        attempts = _among(made, free, T_object_palm, joints, spread_of(self._hand, joints))
         return self._marked(attempts, self._judge(attempts, _grasped(attempts)))
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.grasp.evaluator import Attempts
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.preshape import set_spread
 
 Array = NDArray[np.float64]
 
@@ -14,9 +15,7 @@ Array = NDArray[np.float64]
 def open_postures(hand: HandDescription, spread: Array) -> Array:
     """Postures (B, J) [rad] of the open hand at spreads (B,) [rad]."""
     joints = np.zeros((len(spread), hand.n_joints))
-    for finger in hand.fingers:
-        if finger.spread_joint >= 0:
-            joints[:, finger.spread_joint] = spread
+    set_spread(hand, joints, spread)
     return joints
 
 

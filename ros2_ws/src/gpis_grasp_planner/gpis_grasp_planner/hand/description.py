@@ -41,6 +41,8 @@ class Finger:
         The link that carries the first of them.
     spread_sign : int
         Sense of the spread about the palm's z axis, 0 without a spread joint.
+    spread_gain : float
+        Motion of the spread joint per spread.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Finger:
     links: tuple[int, ...]
     knuckle_link: int
     spread_sign: int
+    spread_gain: float
 
     @property
     def inner_joint(self) -> int:
@@ -289,6 +292,7 @@ def _finger(tree: UrdfTree, entry: Mapping[str, Any]) -> Finger:
         links=links,
         knuckle_link=int(tree.link_parent[links[0]]),
         spread_sign=int(entry.get("spread_sign", 0)),
+        spread_gain=float(entry.get("spread_gain", 1.0)),
     )
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.preshape import set_spread, spread_of, spreads_agree
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def joints_from_motors(
     ----------
     hand : HandDescription
     spread : (B,) array [rad]
-        All spread joints follow it equally.
+        All spread joints follow it with their gains.
     motor : (B, F) array [rad]
         Angles the first joints would have while nothing is held.
     held : (B, F, D - 1) array [rad], optional
@@ -70,9 +71,8 @@ def joints_from_motors(
         left = left - way * drive.row_gear[h]
     q[..., -1] = motor * drive.row_travel[0] - q[..., :-1].sum(axis=-1)
     joints = np.zeros((len(motor), hand.n_joints))
+    set_spread(hand, joints, spread)
     for index, finger in enumerate(hand.fingers):
-        if finger.spread_joint >= 0:
-            joints[:, finger.spread_joint] = spread
         joints[:, list(finger.joints)] = q[:, index]
     return np.clip(joints, hand.joint_lower, hand.joint_upper)
 
@@ -84,10 +84,8 @@ def motors_from_joints(hand: HandDescription, joints: ArrayLike) -> tuple[Array,
     joint behind its coupling) still has a figure here; :func:`reachable` tells.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
-    spreading = [finger.spread_joint for finger in hand.fingers if finger.spread_joint >= 0]
-    spread = joints[:, spreading].mean(axis=1) if spreading else np.zeros(len(joints))
     q = joints[:, hand.finger_joints]
-    return spread, q.sum(axis=-1) / hand.drive.row_travel[0]
+    return spread_of(hand, joints), q.sum(axis=-1) / hand.drive.row_travel[0]
 
 
 def row_ends(hand: HandDescription, joints: ArrayLike) -> Array:
@@ -137,8 +135,7 @@ def reachable(
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
     low = (joints >= hand.joint_lower - tolerance).all(axis=1)
     high = (joints <= hand.joint_upper + tolerance).all(axis=1)
-    spreading = [finger.spread_joint for finger in hand.fingers if finger.spread_joint >= 0]
-    together = np.ptp(joints[:, spreading], axis=1) <= tolerance if spreading else np.array(True)
+    together = spreads_agree(hand, joints, tolerance)
     q = joints[:, hand.finger_joints]
     base = np.zeros_like(q)
     ahead = np.ones(len(joints), dtype=np.bool_)

@@ -38,6 +38,9 @@ class Drive:
     self_locking : bool
         Whether a joint that is pushed back stands still; else its motor presses back with the
         holding force.
+    independent : bool
+        Each joint has a motor of its own: it presses and holds with its effort at most, and one
+        that is held stands where it was.
     coupled : bool
         One motor moves all fingers by the same amount (docs/hands.md).
     breakaway_torque : float [N m]
@@ -56,6 +59,7 @@ class Drive:
     closing_ratio: Array
     advances_at_stop: bool
     self_locking: bool
+    independent: bool
     coupled: bool
     breakaway_torque: float
     tip_force_n: float | None
@@ -101,7 +105,8 @@ def read_drive(data: Mapping[str, Any], n_links: int) -> Drive:
         motor_speed=upper / np.array(data["full_travel_s"], dtype=float),
         closing_ratio=_closing_ratio(data, n_links),
         advances_at_stop=bool(data.get("advances_at_stop", False)),
-        self_locking=bool(data.get("self_locking", False)),
+        self_locking=bool(data.get("self_locking", False) or data.get("independent", False)),
+        independent=bool(data.get("independent", False)),
         coupled=bool(data.get("coupled", False)),
         breakaway_torque=float(data.get("breakaway_torque", 0.0)),
         tip_force_n=None if forces[0] is None else float(forces[0]),

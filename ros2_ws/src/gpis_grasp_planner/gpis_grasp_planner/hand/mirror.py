@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from gpis_grasp_planner.hand.description import SLIDING_LEVER_M, HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.preshape import set_spread
 
 _SPREAD_RAD = 0.5
 _LINKS_RAD = (0.7, 0.4)
@@ -32,8 +33,7 @@ def hand_mirror(hand: HandDescription) -> NDArray[np.float64] | None:
     for finger in hand.fingers:
         for joint, value in zip(finger.joints, _LINKS_RAD, strict=False):
             joints[0, joint] = value * (SLIDING_LEVER_M if hand.joint_slides[joint] else 1.0)
-        if finger.spread_joint >= 0:
-            joints[0, finger.spread_joint] = _SPREAD_RAD
+    set_spread(hand, joints, [_SPREAD_RAD])
     T_palm_link = link_transforms(hand, joints)[0]
     corners = np.concatenate(
         [

@@ -73,10 +73,14 @@ class ClosingBalance:
         self._center = np.array(center_of_mass, dtype=float)
         self._scale = float(torque_scale)
         self._share = float(friction_share)
-        self._press, self._hold = press_n / load_n, hold_n / load_n
         self._links = np.array([finger.links for finger in hand.fingers])
         self._slides = hand.joint_slides[hand.finger_joints[:, 0]]
         self._arms = np.array([tip_arms(hand, number) for number in range(len(hand.fingers))])
+        self._press = np.full(self._arms.shape, press_n / load_n)
+        self._hold = np.full(self._arms.shape, hold_n / load_n)
+        if hand.drive.independent:
+            self._hold = hand.joint_effort[hand.finger_joints] / self._arms / load_n
+            self._press = np.minimum(self._press, self._hold)
 
     def imbalance(
         self,
@@ -168,7 +172,8 @@ def imbalance_many(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Imbalances of B hands with F fingers of D links; axes and origins (B, F, D, 3).
 
-    Of a finger `leads` (B, F) says which joint presses, if it has not `ended`.
+    Of a finger `leads` (B, F) says which joint presses, if it has not `ended`; `press` and `hold`
+    (F, D) are forces at the fingertip over the load.
     """
     n_fingers, n_links = finger_links.shape
     n_joints = n_fingers * n_links
@@ -222,7 +227,9 @@ def imbalance_many(  # type: ignore[no-untyped-def]
                 presses = j == leads[row, f] and not ended[row, f]
                 for bound in range(2):
                     sign = 1.0 if bound == 0 else -1.0
-                    limit = hold if bound == 1 else (press if presses else -hold)
+                    limit = hold[f, j]
+                    if bound == 0:
+                        limit = press[f, j] if presses else -hold[f, j]
                     for column in range(edges):
                         M[rows, column] = _BOUND_WEIGHT * torque[n_links * f + j, column]
                     M[rows, edges + rows - 6] = -sign * _BOUND_WEIGHT

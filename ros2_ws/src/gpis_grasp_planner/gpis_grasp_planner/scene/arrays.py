@@ -58,7 +58,8 @@ class HandArrays(NamedTuple):
     probe_reach: Array  # (L, K, D)
     link_cover: Array  # (L,) farthest place of the link's surface from its nearest probe
     link_reach: Array  # (L, D) the largest `probe_reach` that any point of the link has
-    spread_joints: Index
+    spread_joints: Index  # (S,)
+    spread_gain: Array  # (S,) their motion per spread
     finger_joint: Index  # (F, D)
     finger_link: Index  # (F, D)
     finger_upper: Array  # (F, D) the joints' upper limits; a coupled finger's twice that
@@ -182,6 +183,9 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
         link_reach=link_reach,
         spread_joints=np.array(
             [f.spread_joint for f in hand.fingers if f.spread_joint >= 0], dtype=np.int64
+        ),
+        spread_gain=np.array(
+            [f.spread_gain for f in hand.fingers if f.spread_joint >= 0], dtype=float
         ),
         finger_joint=np.array([f.joints for f in hand.fingers], dtype=np.int64),
         finger_link=np.array([f.links for f in hand.fingers], dtype=np.int64),

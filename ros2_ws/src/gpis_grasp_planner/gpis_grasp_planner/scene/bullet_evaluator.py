@@ -21,6 +21,7 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.grasp.funnel import Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.quality.contacts import Contacts
@@ -155,11 +156,7 @@ class BulletEvaluator:
         )
 
     def _open(self, spread: float) -> Array:
-        joints = np.zeros(self.hand.n_joints)
-        for finger in self.hand.fingers:
-            if finger.spread_joint >= 0:
-                joints[finger.spread_joint] = spread
-        return joints
+        return open_postures(self.hand, np.array([spread]))[0]
 
     def _attempt(self, T: Array, spread: float) -> tuple[AttemptStatus, Array, Contacts, Quality]:
         world, settings = self.world, self.settings

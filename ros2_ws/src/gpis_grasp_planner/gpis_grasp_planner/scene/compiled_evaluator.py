@@ -18,6 +18,7 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import Attempts, Postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.preshape import spread_of
 from gpis_grasp_planner.quality.fast_epsilon import start_directions
 from gpis_grasp_planner.scene.approach import approach_many
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
@@ -141,9 +142,7 @@ class CompiledEvaluator:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]; see the protocol."""
         T = self._own(T_object_palm)
         start = np.ascontiguousarray(joints, dtype=float)
-        spreading = self._hand.spread_joints
-        spread = start[:, spreading].mean(axis=1) if len(spreading) else np.zeros(len(start))
-        result = self._attempts(T, spread, start)
+        result = self._attempts(T, spread_of(self.hand, start), start)
         attempt_many_from(self._hand, self._object, T, start, True, *self._measures(result))
         self._n_attempts += len(T)
         return result

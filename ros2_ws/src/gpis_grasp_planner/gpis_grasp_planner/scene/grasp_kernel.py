@@ -109,7 +109,7 @@ def attempt_many(
     start = np.zeros((T.shape[0], hand.n_joints))
     for b in range(T.shape[0]):
         for k in range(hand.spread_joints.shape[0]):
-            start[b, hand.spread_joints[k]] = spread[b]
+            start[b, hand.spread_joints[k]] = hand.spread_gain[k] * spread[b]
     # Of NumPy's type: a literal False would be a type of its own, and all compiled for it again.
     check_start = np.bool_(False)
     attempt_many_from(
@@ -148,7 +148,7 @@ def clear_many(hand, obj, T, normal, spread, step, reach, turn, gap, standoff, f
     joints = np.zeros(hand.n_joints)
     for b in range(T.shape[0]):
         for k in range(hand.spread_joints.shape[0]):
-            joints[hand.spread_joints[k]] = spread[b]
+            joints[hand.spread_joints[k]] = hand.spread_gain[k] * spread[b]
         free[b] = clear_palm(
             hand, obj, T[b], normal[b], joints, step, reach, turn, gap, standoff[b], R, t, work
         )

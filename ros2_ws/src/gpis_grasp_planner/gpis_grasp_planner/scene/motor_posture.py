@@ -169,7 +169,7 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
         q = joints[b]
         q[:] = 0.0
         for k in range(hand.spread_joints.shape[0]):
-            q[hand.spread_joints[k]] = motors[b, 0]
+            q[hand.spread_joints[k]] = hand.spread_gain[k] * motors[b, 0]
         place_hand(hand, q, T[b], R, t)
         for finger in range(n_fingers):
             _close_finger(

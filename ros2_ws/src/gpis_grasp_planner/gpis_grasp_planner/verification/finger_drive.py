@@ -74,10 +74,14 @@ class FingerDrive:
         arms = tip_arms(hand, number)
         self.tip_torque = [press * arm for arm in arms]
         self.hold_torque = [hold * arm for arm in arms]
+        effort = [float(hand.joint_effort[joint]) for joint in self._joints]
+        if hand.drive.independent:
+            self.tip_torque = [min(pair) for pair in zip(self.tip_torque, effort, strict=True)]
         # A finger of one link has nothing to free, and closes with what it presses with.
         freed_at = hand.drive.breakaway_torque if self._n > 1 else self.tip_torque[0]
-        if hand.drive.coupled:  # not the motor holds, but the mechanism between the jaws
-            self.hold_torque = [float(hand.joint_effort[joint]) for joint in self._joints]
+        # Each joint's own motor, or the mechanism between the jaws, holds in place of the finger's.
+        if hand.drive.coupled or hand.drive.independent:
+            self.hold_torque = effort
         self.breakaway_torque = [min(freed_at, torque) for torque in self.tip_torque]
         self._state = _State(base=(0.0,) * self._n)
 

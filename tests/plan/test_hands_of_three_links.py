@@ -1,4 +1,4 @@
-"""The planner with the three-finger adaptive gripper: plans, off the table, repeatable."""
+"""The planner with fingers of three links: plans, off the table, repeatable."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
 from gpis_grasp_planner.surroundings.place import Place
 
-SETTINGS = PlannerSettings(hand=HandSettings(model="three_finger_adaptive"))
+SETTINGS = PlannerSettings()
 
 
-@pytest.fixture(scope="module")
-def planner():
-    return GraspPlanner(SETTINGS)
+@pytest.fixture(scope="module", params=["three_finger_adaptive", "four_finger_16"])
+def planner(request):
+    return GraspPlanner(PlannerSettings(hand=HandSettings(model=request.param)))
 
 
 def request(evaluations: int, **values) -> PlanRequest:
@@ -41,7 +41,7 @@ def test_plans_are_of_the_hand_and_repeat(planner, catalogue, planner_name):
     first, second = (
         planner.answer(part, request(500, seed=1, planner=planner_name)).result for _ in range(2)
     )
-    assert first.hand == "three_finger_adaptive"
+    assert first.hand == planner.hand.name
     assert len(first.grasps) >= 3
     poses = [np.array([g.T_object_palm for g in r.grasps]) for r in (first, second)]
     np.testing.assert_array_equal(*poses)
