@@ -1,6 +1,7 @@
 """The four-finger hand: sixteen joints, a spread that moves four of them by their own gains."""
 
 import runpy
+import shutil
 
 import numpy as np
 import pytest
@@ -39,6 +40,28 @@ def test_the_shipped_files_are_what_the_generator_writes(hand, tmp_path):
         else:  # hulls may list their faces in another order on another SciPy
             fresh, kept = read_stl(tmp_path / name), read_stl(folder / name)
             np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("yaml", "spread_gain: 1\n", "spread_gain: 1.2\n", "'thumb_base_joint' to 1.0472"),
+        (
+            "yaml",
+            "[50, 95, 95, 95, 95]",
+            "[50, 95, 95, 80, 95]",
+            "'R' of finger 'R' ends at 1.3963",
+        ),
+        ("urdf", 'xyz="0.042 -0.038 0.034"', 'xyz="0.042 -0.018 0.034"', "overlap each other"),
+    ],
+)
+def test_what_makes_bad_plans_is_told(hand, tmp_path, file, old, new, said):
+    shutil.copytree(hand.urdf_path.parent, tmp_path, dirs_exist_ok=True)
+    path = tmp_path / f"four_finger_16.{file}"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    faults = faults_of(load_hand(str(tmp_path / "four_finger_16.yaml")))
+    assert any(said in fault for fault in faults), faults
 
 
 def test_the_spread_fans_the_fingers_and_turns_the_thumb(hand):

@@ -47,6 +47,8 @@ def grasp_columns(
         columns.append(Column("P(hold)", [_probability(grasp) for grasp in grasps], 1))
     columns.append(Column("approach", [_vector(g.approach_direction, 5, 2) for g in grasps], 3))
     positions = [_vector(1e3 * grasp.T_object_palm[:3, 3], 6, 1) for grasp in grasps]
+    if any(grasp.arm is not None for grasp in grasps):
+        columns.append(Column("arm", [_manipulability(grasp) for grasp in grasps], 2))
     return [
         *columns,
         Column("contacts", [contact_code(hand, g.contacts.links) for g in grasps], 4, left=True),
@@ -141,3 +143,8 @@ def _hold_probability(grasp: Grasp) -> float | None:
 def _probability(grasp: Grasp) -> str:
     probability = _hold_probability(grasp)
     return "" if probability is None else f"{probability:.2f}"
+
+
+def _manipulability(grasp: Grasp) -> str:
+    """Share of the arm's largest manipulability."""
+    return "" if grasp.arm is None else f"{grasp.arm.manipulability:.2f}"

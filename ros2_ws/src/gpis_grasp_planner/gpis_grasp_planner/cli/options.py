@@ -98,6 +98,21 @@ def with_objective(
     ]
 
 
+def add_arm(parser: argparse.ArgumentParser) -> None:
+    """Add --arm."""
+    parser.add_argument(
+        "--arm",
+        metavar="ARM",
+        help="the arm that carries the hand: six_axis, seven_axis, or an arm's YAML file with its "
+        "base and flange (docs/arm.md); default: the setting arm.model, which is none",
+    )
+
+
+def with_arm(assignments: Sequence[str], arm: str | None) -> list[str]:
+    """Assignments of settings with that of the arm."""
+    return [*assignments, *([] if arm is None else [f"arm.model={arm}"])]
+
+
 def add_document(parser: argparse.ArgumentParser) -> None:
     """Add a document of grasps and, where its mesh is elsewhere, the mesh."""
     parser.add_argument("document", metavar="GRASPS.json", type=Path, help="of 'plan --json'")

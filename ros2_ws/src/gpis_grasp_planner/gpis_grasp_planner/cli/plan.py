@@ -87,6 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_hand(parser)
     options.add_objective(parser)
+    options.add_arm(parser)
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
     parser.add_argument(
@@ -161,6 +162,7 @@ def _plan(
     from gpis_grasp_planner.plan.request import PlanRequest
 
     assignments = options.with_hand(arguments.assignments, arguments.hand)
+    assignments = options.with_arm(assignments, arguments.arm)
     assignments = options.with_objective(assignments, arguments.objective, arguments.task)
     settings, catalogue_settings = options.read_settings(arguments.settings, assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)

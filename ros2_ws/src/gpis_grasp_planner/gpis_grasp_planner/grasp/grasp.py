@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.trials import HoldEstimate, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.figures import Quality
@@ -42,6 +43,8 @@ class Grasp:
         Unit vector away from the support that the part lies on; None where none is known.
     hold_estimate : HoldEstimate or None
         By trials in physics; None where none were asked for.
+    arm : ArmMotion or None
+        How the arm brings the hand there and lifts it; None where no arm was given.
     """
 
     T_object_palm: Array
@@ -55,6 +58,7 @@ class Grasp:
     hold_probability: float | None = None
     lift_direction: Array | None = None
     hold_estimate: HoldEstimate | None = None
+    arm: ArmMotion | None = None
 
     @property
     def way_out(self) -> Array:

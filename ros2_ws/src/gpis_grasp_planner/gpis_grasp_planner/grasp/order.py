@@ -77,5 +77,11 @@ def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
         -float(tried),
         -float(round(probability / _RESOLUTION)),
         -(grasp.hold_probability or 0.0),
-        -float(worth(objective, grasp.quality)),
+        -_worth(grasp, objective),
     )
+
+
+def _worth(grasp: Grasp, objective: Objective) -> float:
+    """What the objective makes of its figures, and the arm's worth."""
+    value = float(worth(objective, grasp.quality))
+    return value if grasp.arm is None else value + grasp.arm.worth

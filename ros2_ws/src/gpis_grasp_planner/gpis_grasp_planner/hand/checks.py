@@ -18,19 +18,24 @@ _CONVEX_M = 1e-5
 _ON_SURFACE_M = 1e-3
 _LARGEST_M = 1.0
 _CLOSED_STEPS = 21
+_SAME_RAD = 1e-3
+_SAME_SHARE = 0.01
 
 
 def faults_of(hand: HandDescription) -> list[str]:
     """Sentences, each with a fault of a hand that would make bad plans; none where all is well.
 
     Looked at are the shapes (there, closed, convex, of a hand's size), the wanted contacts (on
-    their links), the masses of moving links, and the closing (fingers move, and come nearer to
-    what they close towards). Some 20 ms.
+    their links), the masses of moving links, the motors (their ends are those of their joints, the
+    spread keeps its joints within their limits), and the closing (fingers move, do not overlap when
+    open, and come nearer to what they close towards).
+    Some 20 ms.
     """
     return [
         *_shape_faults(hand),
         *_contact_faults(hand),
         *_mass_faults(hand),
+        *_motor_faults(hand),
         *_closing_faults(hand),
     ]
 
@@ -97,6 +102,36 @@ def _mass_faults(hand: HandDescription) -> list[str]:
     ]
 
 
+def _motor_faults(hand: HandDescription) -> list[str]:
+    """Motors whose ends contradict those of their joints."""
+    drive = hand.drive
+    faults = []
+    spread = float(drive.motor_upper[0])
+    for finger in hand.fingers:
+        joint, end = finger.spread_joint, finger.spread_gain * spread
+        low, high = hand.joint_lower[joint], hand.joint_upper[joint]
+        if joint >= 0 and not low - _SAME_RAD <= end <= high + _SAME_RAD:
+            faults.append(
+                f"The largest spread takes joint '{hand.joint_names[joint]}' to {end:.4f}, but its "
+                f"limits are {low:.4f} and {high:.4f}; lower the spread's motor_upper or its gain."
+            )
+    upper = hand.joint_upper[hand.finger_joints]
+    for finger, name, has, own in zip(
+        hand.fingers, drive.motor_names[1:], drive.motor_upper[1:], upper, strict=True
+    ):
+        if drive.advances_at_stop:
+            ends = float(own.sum() / drive.row_travel[0])
+        else:  # where the first joint of the first row comes to its limit
+            ratio = drive.closing_ratio[0]
+            ends = float((own[ratio > 0.0] / ratio[ratio > 0.0]).min())
+        if abs(has - ends) > _SAME_SHARE * ends:
+            faults.append(
+                f"Motor '{name}' of finger '{finger.name}' ends at {has:.4f}, but by the closing "
+                f"table its joints do at {ends:.4f}; set its motor_upper to that."
+            )
+    return faults
+
+
 def _closing_faults(hand: HandDescription) -> list[str]:
     faults = []
     ends = (("lower", hand.joint_lower), ("upper", hand.joint_upper))
@@ -110,6 +145,8 @@ def _closing_faults(hand: HandDescription) -> list[str]:
             faults.append(f"A joint has no {which} limit.")
     if faults:
         return faults
+    if fingertip_gaps(hand, np.zeros(1))[0] <= 0.0:
+        return ["Fingers overlap each other when the hand is open; move them apart in the URDF."]
     gaps = fingertip_gaps(hand, np.linspace(0.0, 1.0, _CLOSED_STEPS))
     if gaps.min() >= gaps[0]:
         faults.append(

@@ -19,6 +19,7 @@ from gpis_grasp_planner import __version__
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.plan.document_reader import (
     SCHEMA,
@@ -220,9 +221,21 @@ def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) 
         "lift_direction": None if grasp.lift_direction is None else _numbers(grasp.lift_direction),
         "imbalance": grasp.imbalance,
         "hold_estimate": None if grasp.hold_estimate is None else asdict(grasp.hold_estimate),
+        "arm": None if grasp.arm is None else _arm(grasp.arm),
         "trials": None
         if grasp.trials is None
         else [asdict(outcome) for outcome in grasp.trials.outcomes],
+    }
+
+
+def _arm(motion: ArmMotion) -> dict[str, Any]:
+    return {
+        "model": motion.arm,
+        "joint_names": list(motion.joint_names),
+        "approach": [_numbers(joints) for joints in motion.approach],
+        "lift": [_numbers(joints) for joints in motion.lift],
+        "manipulability": float(motion.manipulability),
+        "worth": float(motion.worth),
     }
 
 

@@ -13,11 +13,13 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
@@ -47,13 +49,18 @@ _LATER: dict[str, Any] = {
     "approach": None, "forbidden": [], "phase_s": {}, "funnel": [], "objective": "",
     "figures": [asdict(figure) for figure in ALWAYS],
 }  # fmt: skip
-_LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None, "hold_estimate": None, "measured": {}}
+_LATER_OF_GRASPS: dict[str, Any] = {
+    "imbalance": None,
+    "hold_estimate": None,
+    "measured": {},
+    "arm": None,
+}
 _LATER_OF_TRIALS: dict[str, Any] = {"closing_slip_m": 0.0, "closing_rotation_rad": 0.0}
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
         "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
-        "hold_probability", "lift_direction", "imbalance", "hold_estimate", "measured",
+        "hold_probability", "lift_direction", "imbalance", "hold_estimate", "measured", "arm",
     )
 )  # fmt: skip
 
@@ -307,6 +314,29 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
         lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
         hold_estimate=grasp["hold_estimate"].optional(_hold_estimate),
+        arm=grasp["arm"].optional(_arm),
+    )
+
+
+def _arm(node: Node) -> ArmMotion:
+    arm = node.object(
+        frozenset({"model", "joint_names", "approach", "lift", "manipulability", "worth"})
+    )
+    names = arm["joint_names"].texts()
+
+    def way(field: Node) -> NDArray[np.float64]:
+        joints = [entry.vector(len(names)) for entry in field.list()]
+        if not joints:
+            raise field.fail("at least one vector of the arm's joints")
+        return np.array(joints)
+
+    return ArmMotion(
+        arm["model"].text(),
+        names,
+        way(arm["approach"]),
+        way(arm["lift"]),
+        arm["manipulability"].number(0.0, 1.0),
+        arm["worth"].number(low=0.0),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
+from gpis_grasp_planner.geometry.transforms import rotation_angle
 from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.measured import with_figures
@@ -29,7 +30,7 @@ from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.surroundings.clearance import Clearance
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
-from gpis_grasp_planner.surroundings.similarity import same_surroundings
+from gpis_grasp_planner.surroundings.similarity import SUPPORT_TOLERANCE_M, same_surroundings
 
 _SPARE = 1.25
 
@@ -123,7 +124,7 @@ def place_known(
         reserve=_left_over(known, answered),
         request=request,
         notes=known.notes + notes,
-        place=place.as_mapping() if place else None,
+        place=place.as_mapping() if place or placing.arm else None,
         elapsed_s=monitor.elapsed_s,
         funnel=Funnel(
             len(found), {(Step.CLEAR, str(cause)): n for cause, n in blocked.items()}, Step.CLEAR
@@ -138,6 +139,8 @@ def place_known(
     )
     finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
     same = _same_place(known, placing.around, part.max_radius) and _same_wishes(known, request)
+    if placing.arm is not None:
+        same = same and _same_pose(known, place, part.max_radius)
     return KnownAnswer(answer, finished, same)
 
 
@@ -156,6 +159,16 @@ def _same_place(known: PlanResult, around: Surroundings, radius: float) -> bool:
         return not around
     earlier = Place.from_mapping(known.place, lambda _: STAND_IN).around()
     return same_surroundings(earlier, around, radius)
+
+
+def _same_pose(known: PlanResult, place: Place, radius: float) -> bool:
+    """Whether the part lies before the arm as it did, within the tolerance of a support."""
+    if known.place is None:
+        return False
+    earlier = Place.from_mapping(known.place, lambda _: STAND_IN).T_world_object
+    shift = np.linalg.norm(earlier[:3, 3] - place.T_world_object[:3, 3])
+    turn = rotation_angle(earlier[:3, :3], place.T_world_object[:3, :3])
+    return bool(shift + radius * turn <= SUPPORT_TOLERANCE_M)
 
 
 def _spare(known: PlanResult, request: PlanRequest) -> list[int]:

@@ -13,7 +13,7 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan.answer import Answer
-from gpis_grasp_planner.plan.constraints import make_constraints
+from gpis_grasp_planner.plan.constraints import arm_constraint, make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -118,7 +118,8 @@ class GraspPlanner:
         if monitor is None:
             make_ready(request.planner)  # where nothing is compiled yet: once, before the clock
             monitor = Monitor(request.time_budget_s)
-        constrained = place.surroundings or request.approach or request.forbidden
+        arm = self.settings.arm.model
+        constrained = place.surroundings or request.approach or request.forbidden or arm
         if constrained and self.settings.scene.search_evaluator == "bullet":
             raise RequestError(
                 "The search in PyBullet (scene.search_evaluator is 'bullet') knows no "
@@ -157,13 +158,15 @@ class GraspPlanner:
     def _placing(
         self, part: Part, prepared: PreparedObject, request: PlanRequest, place: Place
     ) -> tuple[GraspPlacing, HoldRanking]:
+        arm = arm_constraint(self.hand, part, place, self.settings)
         elsewhere = replace(place, surroundings=Surroundings())
         placing = GraspPlacing(
             self.hand,
             place.around(),
             self.settings.clearance,
             prepared.tree,
-            make_constraints(self.hand, request, elsewhere, self.settings),
+            make_constraints(self.hand, request, elsewhere, self.settings, arm),
+            arm,
         )
         hold = HoldRanking(part, self.hand, self.settings, prepared, place.covariance, request)
         return placing, hold

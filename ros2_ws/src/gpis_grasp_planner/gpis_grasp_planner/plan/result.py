@@ -58,7 +58,7 @@ def make_result(
         evaluations=context.evaluator.n_attempts,
         notes=part.notes + notes,
         convergence=convergence,
-        place=place.as_mapping() if place else None,
+        place=place.as_mapping() if place or settings.arm.model else None,
         reserve=reserve,
         funnel=funnel,
         objective=context.objective.text,

@@ -93,7 +93,7 @@ class PlanRun:
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
         self._scene: BulletEvaluator | None = None
-        self._constraints = make_constraints(self.hand, request, place, settings)
+        self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
         self._objective = make_objective(settings)
         self._evaluator, self._tally = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, self._objective)

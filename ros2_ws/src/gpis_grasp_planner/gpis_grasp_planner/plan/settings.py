@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from gpis_grasp_planner.arm.settings import ArmSettings
 from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
@@ -33,6 +34,7 @@ class PlannerSettings:
     """The groups; a setting's full name is ``group.name``, as in the ROS parameters."""
 
     hand: HandSettings = field(default_factory=HandSettings)
+    arm: ArmSettings = field(default_factory=ArmSettings)
     scene: SceneSettings = field(default_factory=SceneSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     adaption: AdaptionSettings = field(default_factory=AdaptionSettings)

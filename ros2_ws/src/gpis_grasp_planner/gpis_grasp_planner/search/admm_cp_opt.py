@@ -1,7 +1,8 @@
 """ADMM-CP-Opt (Alg. 3): contact points optimised over the hand's motor angles.
 
-For a palm on its chart the four motor angles q (spread, three fingers) maximise the quality of the
-contacts subject to every contact lying on the implicit surface within the contact threshold::
+For a palm on its chart the motors' angles q (spread and fingers, those that move; the Barrett's are
+four) maximise the quality of the contacts subject to every contact lying on the implicit surface
+within the contact threshold::
 
     max  f_obj(q) - g_c(z)   s.t.  q = z,   q, z in the motors' box
 
@@ -64,7 +65,7 @@ class CpOptResult:
     ----------
     T_object_palm : (4, 4) array
         The shifted palm.
-    motors : (4,) array [rad]
+    motors : (1 + F,) array [rad]
         Optimised spread and finger motors (the consensus z).
     admm : AdmmResult
         Iterates and residuals, in motors scaled to [0, 1].
@@ -95,8 +96,9 @@ class ContactPointOptimiser:
         self._evaluator = posture_evaluator(context)
         drive = context.hand.drive
         self._lower = np.asarray(drive.motor_lower, dtype=float)
+        self._width = np.asarray(drive.motor_upper, dtype=float) - self._lower
         # a hand without a spread has a motor of no range
-        self._width = np.maximum(np.asarray(drive.motor_upper) - self._lower, 1e-9)
+        self._moving = np.flatnonzero(self._width > 0.0)
 
     def optimise(
         self,
@@ -129,14 +131,14 @@ class ContactPointOptimiser:
         return results
 
     def quality(self, T_object_palm: Array, scaled_motors: Array) -> Array:
-        """f_obj (B,) of scaled motors (B, 4): quality of the nearest points taken as contacts."""
+        """f_obj (B,) of scaled motors (B, m): quality of the nearest points taken as contacts."""
         postures = self._postures(T_object_palm, scaled_motors)
         return np.array(
             [self._posture_quality(T_object_palm, postures, b) for b in range(len(scaled_motors))]
         )
 
     def penalty(self, T_object_palm: Array, scaled_motors: Array) -> Array:
-        """g_c (B,) of scaled motors (B, 4)."""
+        """g_c (B,) of scaled motors (B, m)."""
         excess_mm = 1e3 * self.violations(T_object_palm, scaled_motors)
         return np.asarray(self.settings.penalty_per_mm2 * (excess_mm**2).sum(axis=1))
 
@@ -181,7 +183,7 @@ class ContactPointOptimiser:
         )
         if admm.iterations == 0:
             return None
-        motors = self._lower + self._width * admm.z
+        motors = self._motors(admm.z[None])[0]
         return CpOptResult(
             T_object_palm=T,
             motors=motors,
@@ -191,7 +193,7 @@ class ContactPointOptimiser:
         )
 
     def _postures(self, T: Array, scaled_motors: Array) -> Postures:
-        motors = self._lower + self._width * scaled_motors
+        motors = self._motors(scaled_motors)
         n = len(motors)
         return self._evaluator.postures(np.broadcast_to(T, (n, 4, 4)), motors)
 
@@ -245,4 +247,13 @@ class ContactPointOptimiser:
         return moved
 
     def _scaled(self, motors: Array) -> Array:
-        return np.clip((motors - self._lower) / self._width, 0.0, 1.0)
+        """Those that move (m,), scaled to [0, 1]."""
+        moved = (motors - self._lower)[self._moving] / self._width[self._moving]
+        return np.clip(moved, 0.0, 1.0)
+
+    def _motors(self, scaled: Array) -> Array:
+        """All motors (B, 1 + F) [rad] of those that move, (B, m) in [0, 1]."""
+        motors = np.tile(self._lower, (len(scaled), 1))
+        width = self._width[self._moving]
+        motors[:, self._moving] = self._lower[self._moving] + width * scaled
+        return motors

@@ -34,7 +34,7 @@ class Proposals:
 
     Attributes
     ----------
-    X : (k, 6 or 8) array
+    X : (k, 6 and more) array
         Search coordinates that were proposed.
     attempts : Attempts
         Of all seeds of all proposals.
@@ -44,8 +44,8 @@ class Proposals:
         Objective of the best attempts, 0 where there is none.
     T_object_face : (k, 4, 4) array
         Pose of the palm's face of the best attempt, or of the proposal.
-    posture : (k, 0 or 2) array
-        Spread [rad] and standoff [m] of the same, where the model knows them.
+    posture : (k, p) array
+        Spread [rad] and standoff [m] of the same, as far as the model knows them.
     feasible : (k,) bool array
         Which proposals had a seed that no constraint blocked.
     """
@@ -72,6 +72,7 @@ class PalmPoseOptimiser:
         self._context = context
         self.settings = context.settings.hpp
         self.adaption = LocalAdaption.of(context)
+        self._spreads = context.settings.adaption.spread_max_deg > 0.0
         adapted = self.settings.model_sees == "adapted"
         self.space = PalmSearchSpace(
             context.part.mesh.bounds,
@@ -107,9 +108,10 @@ class PalmPoseOptimiser:
         X = self._optimiser.ask_batch(max(1, min(batch, left)))
         T_object_face = self.space.poses(X)
         posture = X[:, 6:].copy()
-        adapted = self.adaption(
-            T_object_face, self._context.rng, posture if posture.shape[1] else None
-        )
+        wanted = None
+        if posture.shape[1]:
+            wanted = posture if self._spreads else np.insert(posture, 0, 0.0, axis=1)
+        adapted = self.adaption(T_object_face, self._context.rng, wanted)
         attempts, owner = adapted.attempts, adapted.proposal
         self._context.archive.add(attempts)
         objective = attempts.objective(self._context.objective)
@@ -123,8 +125,8 @@ class PalmPoseOptimiser:
         found = best >= 0
         T_object_face[found] = attempts.T_object_palm[best[found]] @ self.adaption.T_palm_face
         if posture.shape[1]:
-            posture[found, 0] = attempts.spread[best[found]]
-            posture[found, 1] = adapted.standoff[best[found]]
+            spread, standoff = attempts.spread, adapted.standoff
+            posture[found] = self._known(spread[best[found]], standoff[best[found]])
         self.iterations += len(X)
         return Proposals(X, attempts, best, values, T_object_face, posture, feasible)
 
@@ -153,7 +155,7 @@ class PalmPoseOptimiser:
         if self.settings.model_posture:
             _, nearest = self._context.atlas.nearest(T_face[:, :3, 3])
             standoff = np.linalg.norm(T_face[:, :3, 3] - nearest, axis=1)
-            posture = np.stack([attempts.spread[best], standoff], axis=1)
+            posture = self._known(attempts.spread[best], standoff)
             posture = np.clip(posture, 0.0, self._posture_upper())
             X = np.hstack([X, posture])
         self._optimiser.tell(
@@ -170,7 +172,12 @@ class PalmPoseOptimiser:
 
     def _posture_upper(self) -> Array:
         s = self.adaption.settings
-        return np.array([np.deg2rad(s.spread_max_deg), s.standoff_max_m])
+        upper = np.array([[np.deg2rad(s.spread_max_deg), s.standoff_max_m]])
+        return self._known(*upper.T)[0]
+
+    def _known(self, spread: Array, standoff: Array) -> Array:
+        """What the model knows (n, p) of spreads and standoffs (n,)."""
+        return np.stack([spread, standoff] if self._spreads else [standoff], axis=1)
 
     def _to_beat(self, X: Array) -> Array:
         """What a grasp near each proposal has to beat to enter the list of distinct grasps."""

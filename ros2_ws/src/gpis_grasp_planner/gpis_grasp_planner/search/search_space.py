@@ -13,10 +13,10 @@ The paper calls both pairs of angles theta and phi, though their ranges differ (
 [0, pi], phi_e in [0, 2 pi) on the ellipsoid); the suffix e keeps them apart. What lies at t is the
 middle of the palm's face, not the palm frame's origin in the flange 79 mm behind it.
 
-Two more coordinates may follow, the spread of the fingers [rad] and the standoff [m]: how far the
-palm goes back from where it would touch. The paper leaves both to AutoGrasp and the ladder; but
-they decide as much about a grasp as the palm's pose, and left to chance they are noise to the
-model.
+Two more coordinates may follow, the spread of the fingers [rad], if the hand has one, and the
+standoff [m]: how far the palm goes back from where it would touch. The paper leaves both to
+AutoGrasp and the ladder; but they decide as much about a grasp as the palm's pose, and left to
+chance they are noise to the model.
 """
 
 from __future__ import annotations
@@ -73,8 +73,9 @@ class PalmSearchSpace:
     adapt : callable, optional
         (n, 4, 4) -> (n, 4, 4), where a local adaption will move proposals. The model then sees
         the adapted pose: two proposals that end at one place are one point to it.
-    posture_upper : (2,) array_like, optional
-        Largest spread [rad] and standoff [m]. Given, they are coordinates 7 and 8.
+    posture_upper : (p,) array_like, optional
+        Largest spread [rad], of a hand that has one, and standoff [m]. Given, they are the
+        coordinates from the seventh on.
     """
 
     def __init__(
@@ -96,15 +97,15 @@ class PalmSearchSpace:
         groups = [0] * 3 + [1] * 9
         upper_corner = list(_PALM_UPPER)
         if posture_upper is not None:
-            spread, standoff = (max(float(x), 1e-6) for x in np.asarray(posture_upper))
-            scale_bounds += [(0.1 * spread, 3.0 * spread), (0.1 * standoff, 3.0 * standoff)]
-            groups += [2, 3]
-            upper_corner += [spread, standoff]
+            uppers = [max(float(x), 1e-6) for x in np.asarray(posture_upper)]
+            scale_bounds += [(0.1 * upper, 3.0 * upper) for upper in uppers]
+            groups += range(2, 2 + len(uppers))
+            upper_corner += uppers
         n = len(upper_corner)
         self.domain = BoxDomain(
             np.zeros(n),
             upper_corner,
-            [*_PALM_PERIODIC, False, False][:n],
+            [*_PALM_PERIODIC, *[False] * (n - len(_PALM_PERIODIC))],
             features=self._features,
             distance=EuclideanDistance(groups, np.array(scale_bounds)),
         )
@@ -151,7 +152,7 @@ class PalmSearchSpace:
         return self._features_at(self.places(X), X[:, 6:])
 
     def places(self, X: Array) -> Array:
-        """What stands for coordinates (n, 6 or 8) in the model: adapted poses (n, 4, 4).
+        """What stands for coordinates (n, 6 and more) in the model: adapted poses (n, 4, 4).
 
         Those of the last call are kept: acquisition asks for the same ones twice.
         """
@@ -160,9 +161,9 @@ class PalmSearchSpace:
         return self._last[1]
 
     def features_of(self, T_object_face: Array, posture: Array) -> Array:
-        """Model features (n, 12 or 14) of poses of the palm's face (n, 4, 4) and postures.
+        """Model features (n, 12 and more) of poses of the palm's face (n, 4, 4) and postures.
 
-        `posture` (n, 0 or 2) are spread [rad] and standoff [m].
+        `posture` (n, p) are spread [rad] and standoff [m] as the space has them.
         """
         return self._features_at(self._adapted(T_object_face), posture)
 

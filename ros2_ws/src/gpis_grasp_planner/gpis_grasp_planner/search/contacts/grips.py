@@ -128,7 +128,7 @@ def pinches(hand: HandDescription, spread_max: float) -> Pinches:
         facing.append((palm, _side(fingers, np.arange(len(fingers)))))
     made = [_between(hand, spreads, a, b) for a, b in facing]
     for kind, table in enumerate(made):
-        table["cell"] += kind * _SPREADS
+        table["cell"] += kind * len(spreads)
     n_places = max(table["points"].shape[1] for table in made)
     for table in made:
         missing = n_places - table["points"].shape[1]
@@ -195,14 +195,15 @@ def _places(
 ) -> tuple[Array, list[_Places], _Places | None]:
     """Spreads (S,), the places of each finger, and the palm's if it has any."""
     drive, wanted = hand.drive, hand.desired_contacts
-    spreads = np.linspace(drive.motor_lower[0], min(spread_max, drive.motor_upper[0]), _SPREADS)
+    low, high = drive.motor_lower[0], min(spread_max, drive.motor_upper[0])
+    spreads = np.linspace(low, high, _SPREADS if high > low else 1)
     spread = np.repeat(spreads, _MOTORS)
-    motors = np.tile(_motors(hand), (_SPREADS, 1))
+    motors = np.tile(_motors(hand), (len(spreads), 1))
     T = link_transforms(hand, joints_from_motors(hand, spread, motors))
     T = T[:, wanted.links]
     points = np.einsum("bkij,kj->bki", T[:, :, :3, :3], wanted.points) + T[:, :, :3, 3]
     normals = np.einsum("bkij,kj->bki", T[:, :, :3, :3], wanted.normals)
-    points, normals = (x.reshape(_SPREADS, _MOTORS, -1, 3) for x in (points, normals))
+    points, normals = (x.reshape(len(spreads), _MOTORS, -1, 3) for x in (points, normals))
     fingers = []
     for number, finger in enumerate(hand.fingers):
         own = np.isin(wanted.links, finger.links)
