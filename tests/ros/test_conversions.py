@@ -14,6 +14,7 @@ from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.ros.conversions import funnel_messages, grasp_message
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
@@ -69,8 +70,7 @@ def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
         contacts=Contacts(
             rng.normal(size=(4, 3)), normals, rng.uniform(0.2, 1, 4), np.array([0, 4, 5, 6])
         ),
-        epsilon=0.1,
-        volume=0.02,
+        quality=Quality(0.1, 0.02),
         approach_direction=T_object_palm[:3, 2],
         approach_distance=0.1,
     )

@@ -6,7 +6,6 @@ the shapes say first which pairs can be near at all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -83,26 +82,25 @@ class ArmCollision:
         self._request.security_margin = margin_m
         self._margin = margin_m
         self._things = [_thing(coal, body) for body in _bodies_of(around)]
-        if part.faces.size:
-            self._part = [_mesh_thing(coal, "part", part, T_base_object)]
-        self._pairs = [
+        self._part = [_mesh_thing(coal, "part", part, T_base_object)]
+        pairs = [
             (i, j)
             for i in range(len(bodies))
             for j in range(i + 1, len(bodies))
             if abs(bodies[i].link - bodies[j].link) > 1
             and tuple(sorted((bodies[i].link, bodies[j].link))) not in arm.may_touch
         ]
+        self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         self._pieces = _hand_pieces(hand)
 
-    def first_contact(self, joints: Array, postures: Sequence[Array], part: bool) -> str | None:
+    def first_contact(self, joints: Array, posture: Array, part: bool) -> str | None:
         """What the arm first comes too near to on a way; None where it is free.
 
         Parameters
         ----------
         joints : (K, n) array [rad]
-        postures : sequence of (J,) arrays
-            Of the hand that is carried; at the way's end all are looked at, as it is the same hand
-            all the way.
+        posture : (J,) array [rad]
+            Of the hand that is carried.
         part : bool
             Whether the part stands where it lies (on the approach), or goes with the hand.
         """
@@ -116,32 +114,33 @@ class ArmCollision:
             for k, i in np.argwhere(near):
                 if self._meet(self._shapes[i], self._pose(T_shape[k, i]), thing.shape, thing.pose):
                     return thing.name
-        for i, j in self._pairs:
-            gap = np.linalg.norm(middle[:, i] - middle[:, j], axis=-1)
-            for k in np.flatnonzero(gap - self._radius[i] - self._radius[j] < self._margin):
-                if self._meet(
-                    self._shapes[i], self._pose(T_shape[k, i]),
-                    self._shapes[j], self._pose(T_shape[k, j]),
-                ):  # fmt: skip
-                    return "itself"
-        return self._hand_contact(T, T_shape, postures)
+        one, other = self._pairs
+        gap = np.linalg.norm(middle[:, one] - middle[:, other], axis=-1)
+        gap -= self._radius[one] + self._radius[other]
+        for k, pair in np.argwhere(gap < self._margin):
+            i, j = one[pair], other[pair]
+            if self._meet(
+                self._shapes[i], self._pose(T_shape[k, i]),
+                self._shapes[j], self._pose(T_shape[k, j]),
+            ):  # fmt: skip
+                return "itself"
+        return self._hand_contact(T, T_shape, posture)
 
-    def _hand_contact(self, T: Array, T_shape: Array, postures: Sequence[Array]) -> str | None:
+    def _hand_contact(self, T: Array, T_shape: Array, posture: Array) -> str | None:
         watched = np.flatnonzero(self._link <= self._arm.n_joints - 2)
-        T_palm = T[:, -1] @ self._arm.T_flange_palm
-        for posture in postures:
-            T_palm_link = link_transforms(self._hand, posture)[0]
-            for link, shape, center, radius in self._pieces:
-                T_piece = T_palm @ T_palm_link[link]
-                middle = T_piece[:, :3, :3] @ center + T_piece[:, :3, 3]
-                for i in watched:
-                    gap = np.linalg.norm(middle - T_shape[:, i, :3, 3], axis=1)
-                    for k in np.flatnonzero(gap - radius - self._radius[i] < self._margin):
-                        if self._meet(
-                            self._shapes[i], self._pose(T_shape[k, i]),
-                            shape, self._pose(T_piece[k]),
-                        ):  # fmt: skip
-                            return "hand"
+        pieces = self._pieces
+        T_palm_link = link_transforms(self._hand, posture)[0][pieces.link]
+        T_piece = (T[:, -1] @ self._arm.T_flange_palm)[:, None] @ T_palm_link
+        middle = np.einsum("kpij,pj->kpi", T_piece[..., :3, :3], pieces.middle)
+        middle += T_piece[..., :3, 3]
+        gap = np.linalg.norm(middle[:, :, None] - T_shape[:, watched][:, None, :, :3, 3], axis=-1)
+        gap -= pieces.radius[:, None] + self._radius[watched]
+        for k, p, w in np.argwhere(gap < self._margin):
+            if self._meet(
+                self._shapes[watched[w]], self._pose(T_shape[k, watched[w]]),
+                pieces.shapes[p], self._pose(T_piece[k, p]),
+            ):  # fmt: skip
+                return "hand"
         return None
 
     def _meet(self, one: Any, T_one: Any, other: Any, T_other: Any) -> bool:
@@ -224,19 +223,35 @@ def _tree(coal: Any, mesh: TriangleMesh) -> Any:
     return _TREES[key]
 
 
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """A hand's P convex pieces, with balls about them, in the frames of their links."""
+
+    link: NDArray[np.int64]
+    shapes: tuple[Any, ...]
+    middle: Array
+    radius: Array
+
+
 @lru_cache(maxsize=8)
-def _hand_pieces(hand: HandDescription) -> tuple[tuple[int, Any, Array, float], ...]:
-    """A hand's convex pieces: link, shape in the link's frame, middle (3,) and radius of a ball."""
+def _hand_pieces(hand: HandDescription) -> _Pieces:
     import coal
 
-    made = []
-    for link, group in enumerate(hand.link_collision):
-        for piece in group:
-            points = np.asarray(piece.vertices, dtype=float)
-            center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-            radius = float(np.linalg.norm(points - center, axis=1).max())
-            made.append((link, _convex(coal, points), center, radius))
-    return tuple(made)
+    pieces = [
+        (link, np.asarray(piece.vertices, dtype=float))
+        for link, group in enumerate(hand.link_collision)
+        for piece in group
+    ]
+    middle = np.array([0.5 * (p.min(axis=0) + p.max(axis=0)) for _, p in pieces])
+    radius = [
+        float(np.linalg.norm(p - m, axis=1).max()) for (_, p), m in zip(pieces, middle, strict=True)
+    ]
+    return _Pieces(
+        np.array([link for link, _ in pieces], dtype=np.int64),
+        tuple(_convex(coal, p) for _, p in pieces),
+        middle,
+        np.array(radius),
+    )
 
 
 def _convex(coal: Any, points: Array) -> Any:

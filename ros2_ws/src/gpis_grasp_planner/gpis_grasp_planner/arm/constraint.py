@@ -156,56 +156,76 @@ class ArmConstraint(Constraint):
         lift = self._flanges(straight_line(T_object_palm, self._settings.lift_m * up, step))
         if not self.inverse.within_ball(back).all():
             return Cause.ARM_REACH, None
-        cause, ways = self._ways(back, lift)
-        for score, way_back, way_up in sorted(ways, key=lambda way: -way[0]):
-            posture_open, posture_closed = postures
-            if self._collision.first_contact(way_back, (posture_open,), part=True) is not None:
-                cause = Cause.ARM_COLLISION
-                continue
-            if self._collision.first_contact(way_up, (posture_closed,), part=False) is not None:
-                cause = Cause.ARM_COLLISION
-                continue
-            share = min(score / self._largest, 1.0)
-            return None, ArmMotion(
-                self.arm.name,
-                self.arm.chain.joint_names,
-                way_back[::-1].copy(),
-                way_up,
-                share,
-                self._settings.manipulability_weight * share,
-            )
+        cause = Cause.ARM_REACH
+        for number in self._best_first(back[:1]):
+            how, ways = self._ways(back, lift, number)
+            cause = _later(cause, how)
+            for score, way_back, way_up in ways:
+                if self._meets(way_back, way_up, postures):
+                    cause = Cause.ARM_COLLISION
+                    continue
+                share = min(score / self._largest, 1.0)
+                return None, ArmMotion(
+                    self.arm.name,
+                    self.arm.chain.joint_names,
+                    way_back[::-1].copy(),
+                    way_up,
+                    share,
+                    self._settings.manipulability_weight * share,
+                )
         return cause, None
 
-    def _ways(self, back: Array, lift: Array) -> tuple[Cause, list[tuple[float, Array, Array]]]:
-        """All ways back and up from the grasp, each with its manipulability; the last obstacle."""
-        cause, ways = Cause.ARM_REACH, []
-        line = np.concatenate([back, lift[1:]])
+    def _best_first(self, first: Array) -> list[int]:
+        """The slices of the redundant joint, by the largest manipulability at the grasp."""
+        slices = range(len(self.inverse.slices))
+        if len(slices) == 1:
+            return [0]
+        best = []
+        for number in slices:
+            [found] = self.inverse.solutions(first, number)
+            starts = self.inverse.within_limits(found)
+            score = manipulability(self.inverse.chain, starts).max() if len(starts) else -1.0
+            best.append(float(score))
+        return sorted(slices, key=lambda number: -best[number])
+
+    def _meets(self, way_back: Array, way_up: Array, postures: tuple[Array, Array]) -> bool:
+        """Whether the arm comes too near to anything on the approach or the lift."""
+        opened, closed = postures
+        return (
+            self._collision.first_contact(way_back, opened, part=True) is not None
+            or self._collision.first_contact(way_up, closed, part=False) is not None
+        )
+
+    def _ways(
+        self, back: Array, lift: Array, number: int
+    ) -> tuple[Cause, list[tuple[float, Array, Array]]]:
+        """Ways back and up from the grasp in one slice, best manipulability first; how far they go.
+
+        Those that are there are within the limits; `cause` says what the last of the others met.
+        """
+        [first] = self.inverse.solutions(back[:1], number)
+        if not len(first):
+            return Cause.ARM_REACH, []
+        starts = self.inverse.within_limits(first)
+        if not len(starts):
+            return Cause.ARM_LIMITS, []
         deviation = self._settings.deviation_m
-        for number in range(len(self.inverse.slices)):
-            [first] = self.inverse.solutions(back[:1], number)
-            if not len(first):
-                continue
-            cause = _later(cause, Cause.ARM_LIMITS)
-            starts = self.inverse.within_limits(first)
-            if not len(starts):
-                continue
-            cause = _later(cause, Cause.ARM_APPROACH)
-            found = [first, *self.inverse.solutions(line[1:], number)]
-            found_up = [first, *found[len(back) :]]
-            score = manipulability(self.inverse.chain, starts)
-            for start, value in zip(starts, score, strict=True):
-                way_back = follow(self.inverse, start, back, found[: len(back)], deviation)
-                if way_back is None or not np.isfinite(self.inverse.turned(way_back[None])).all():
-                    continue
-                cause = _later(cause, Cause.ARM_LIFT)
-                way_up = follow(self.inverse, start, lift, found_up, deviation)
-                if way_up is None:
-                    continue
-                # turned as one, so that the lift begins where the approach ends
-                both = self.inverse.turned(np.concatenate([way_back, way_up])[None])[0]
-                if np.isfinite(both).all():
-                    ways.append((float(value), both[: len(back)], both[len(back) :]))
-        return cause, ways
+        found = self.inverse.solutions(back, number)
+        rows, ways_back = follow(self.inverse, starts, back, found, deviation)
+        kept = np.isfinite(self.inverse.turned(ways_back)).all(axis=(1, 2))
+        rows, ways_back = rows[kept], ways_back[kept]
+        if not len(rows):
+            return Cause.ARM_APPROACH, []
+        found = self.inverse.solutions(lift, number)
+        lifted, ways_up = follow(self.inverse, starts[rows], lift, found, deviation)
+        # turned as one, so that the lift begins where the approach ends
+        both = self.inverse.turned(np.concatenate([ways_back[lifted], ways_up], axis=1))
+        both = both[np.isfinite(both).all(axis=(1, 2))]
+        score = manipulability(self.inverse.chain, both[:, 0])
+        return Cause.ARM_LIFT, [
+            (float(score[k]), both[k, : len(back)], both[k, len(back) :])
+            for k in np.argsort(-score, kind="stable")
+        ]
 
     def _flanges(self, T_object_palm: Array) -> Array:
         """Flanges (B, 4, 4) in the base of palms (B, 4, 4) in the object's frame."""

@@ -121,7 +121,7 @@ class ArmInverse:
 
     def within_limits(self, joints: Array) -> Array:
         """Those of postures (S, n) that can be turned by whole turns into the limits, so turned."""
-        turned = self.turned(joints[:, None])[:, 0] if len(joints) else joints
+        turned = self.turned(joints[:, None])[:, 0]
         return np.asarray(turned[np.isfinite(turned).all(axis=1)])
 
     def turned(self, ways: Array) -> Array:
@@ -129,6 +129,8 @@ class ArmInverse:
 
         Of several such turns the one nearest to the limits' middle; NaN where there is none.
         """
+        if not len(ways):
+            return ways
         lower, upper = self.chain.joint_lower, self.chain.joint_upper
         low, high = ways.min(axis=1), ways.max(axis=1)
         wanted = np.round((0.5 * (lower + upper) - 0.5 * (low + high)) / _TURN)

@@ -25,38 +25,50 @@ def straight_line(T: Array, move: Array, step_m: float) -> Array:
 
 
 def follow(
-    inverse: ArmInverse, start: Array, T_base_flange: Array, found: list[Array], deviation_m: float
-) -> Array | None:
-    """Joints (K, n) along a line from a posture at its first pose; None where the way ends.
+    inverse: ArmInverse,
+    starts: Array,
+    T_base_flange: Array,
+    found: list[Array],
+    deviation_m: float,
+) -> tuple[NDArray[np.intp], Array]:
+    """Ways of the joints along a line, from postures at its first pose.
 
-    At each pose the posture nearest to the last one; the way ends where there is none, or where
+    At each pose the posture nearest to the last one; a way ends where there is none, or where
     joints that move in proportion would take the flange off the line: at singular postures, and
     where the branch does not go on. Joints are not turned into their limits.
 
     Parameters
     ----------
     inverse : ArmInverse
-    start : (n,) array [rad]
+    starts : (S, n) array [rad]
     T_base_flange : (K, 4, 4) array
-    found : K arrays (S, n) [rad]
-        All postures at each pose (`ArmInverse.solutions`).
+    found : K arrays (S_k, n) [rad]
+        All postures at each pose (`ArmInverse.solutions`); the first is not looked at.
     deviation_m : float [m]
         The largest distance of the flange from the line, halfway between two poses.
+
+    Returns
+    -------
+    rows : (W,) int array
+        The starts whose ways reach the other end.
+    ways : (W, K, n) array [rad]
     """
-    way = [start]
+    n = starts.shape[1]
+    none = np.empty(0, dtype=np.intp), np.empty((0, len(T_base_flange), n))
+    if not all(len(joints) for joints in found[1:]):
+        return none
+    way = [starts]
     for joints in found[1:]:
-        if not len(joints):
-            return None
-        turn = joints - way[-1]
+        turn = joints - way[-1][:, None]
         turn -= _TURN * np.round(turn / _TURN)
-        way.append(way[-1] + turn[np.abs(turn).max(axis=1).argmin()])
-    joints = np.array(way)
-    if len(joints) < 2:
-        return joints
-    halfway = flange_poses(inverse.chain, 0.5 * (joints[1:] + joints[:-1]))
+        nearest = np.abs(turn).max(axis=2).argmin(axis=1)
+        way.append(way[-1] + turn[np.arange(len(starts)), nearest])
+    ways = np.stack(way, axis=1)
+    between = 0.5 * (ways[:, 1:] + ways[:, :-1])
+    halfway = flange_poses(inverse.chain, between.reshape(-1, n))
     wanted = 0.5 * (T_base_flange[1:, :3, 3] + T_base_flange[:-1, :3, 3])
-    off = np.linalg.norm(halfway[:, :3, 3] - wanted, axis=1)
-    turned = rotation_angle(halfway[:, :3, :3], T_base_flange[:-1, :3, :3])
-    if (off > deviation_m).any() or (turned > _ANGLE_RAD).any():
-        return None
-    return joints
+    R = np.tile(T_base_flange[:-1, :3, :3], (len(starts), 1, 1))
+    off = np.linalg.norm(halfway[:, :3, 3] - np.tile(wanted, (len(starts), 1)), axis=1)
+    good = (off <= deviation_m) & (rotation_angle(halfway[:, :3, :3], R) <= _ANGLE_RAD)
+    rows = np.flatnonzero(good.reshape(len(starts), -1).all(axis=1))
+    return rows, ways[rows]

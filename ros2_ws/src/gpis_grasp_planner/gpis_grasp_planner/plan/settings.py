@@ -12,6 +12,7 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.plan.store_settings import StoreSettings
+from gpis_grasp_planner.quality.settings import ObjectiveSettings
 from gpis_grasp_planner.search.settings import (
     AdaptionSettings,
     AdmmCpSettings,
@@ -44,6 +45,7 @@ class PlannerSettings:
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
+    objective: ObjectiveSettings = field(default_factory=ObjectiveSettings)
     uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
     cache: CacheSettings = field(default_factory=CacheSettings)
     store: StoreSettings = field(default_factory=StoreSettings)
