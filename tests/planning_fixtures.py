@@ -20,6 +20,7 @@ from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext
@@ -176,7 +177,7 @@ def make_context(planner):
                 planner.hand, part, friction, settings.scene, prepared.field, prepared.tree
             ),
             atlas=prepared.atlas,
-            archive=GraspArchive(part.max_radius, settings.hpp.volume_weight),
+            archive=GraspArchive(part.max_radius, EpsilonVolume(settings.hpp.volume_weight)),
             settings=settings.search,
             rng=np.random.default_rng(seed),
         )

@@ -26,7 +26,7 @@ LEVELS = (
     {"quality"},
     {"grasp"},
     {"scene", "surroundings", "search"},
-    {"verification"},
+    {"verification", "arm"},
     {"plan"},
     {"store"},
     {"view"},
@@ -49,6 +49,8 @@ OWNERS = {
     # Of other distributions: the benchmark, the tests.
     "gpis_grasp_benchmark": (),
     "trimesh": (),
+    "coal": ("arm/collision.py",),
+    "eaik": ("arm/inverse.py",),
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": (),
     "fast_simplification": ("geometry/simplification.py",),

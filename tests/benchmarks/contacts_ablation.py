@@ -35,6 +35,7 @@ from gpis_grasp_planner.plan.constraints import make_constraints  # noqa: E402
 from gpis_grasp_planner.plan.planner import GraspPlanner  # noqa: E402
 from gpis_grasp_planner.plan.request import PlanRequest  # noqa: E402
 from gpis_grasp_planner.plan.warm_up import load_compiled  # noqa: E402
+from gpis_grasp_planner.quality.objective import EpsilonVolume  # noqa: E402
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator  # noqa: E402
 from gpis_grasp_planner.search.archive import GraspArchive  # noqa: E402
 from gpis_grasp_planner.search.context import PlanningContext  # noqa: E402
@@ -65,7 +66,7 @@ def run(planner, part, place_name, settings, seed, seconds):
     constraints = make_constraints(hand, request, place, settings)
     constrained = ConstrainedEvaluator(compiled, hand, constraints, scene.retreat_m)
     evaluator = with_balance(constrained, hand, part, settings)
-    archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
+    archive = GraspArchive(part.max_radius, EpsilonVolume(settings.hpp.volume_weight))
     context = PlanningContext(
         part=part,
         hand=hand,

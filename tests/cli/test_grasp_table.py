@@ -103,7 +103,17 @@ def test_eighty_columns_have_what_one_chooses_by(grasps: tuple[Grasp, ...]) -> N
 
 def test_a_wide_terminal_and_a_pipe_have_everything(grasps: tuple[Grasp, ...]) -> None:
     columns = grasp_columns(HAND, grasps, True)
-    assert fitting(columns, 139) == fitting(columns, None) == columns
+    assert fitting(columns, 169) == fitting(columns, None) == columns
+    assert fitting(columns, 139) == columns[:-1]  # but what is the last of what is reported
+    assert [column.heading for column in columns[-2:]] == ["min weight", "least friction"]
+
+
+def test_the_objectives_figure_is_kept_before_others(grasps: tuple[Grasp, ...]) -> None:
+    columns = grasp_columns(HAND, grasps, True, "least_friction")
+    shown = {column.heading: column for column in fitting(columns, 79)}
+    assert "min weight" not in shown
+    expected = [f"{grasp.quality.measured['least_friction']:.3f}" for grasp in grasps]
+    assert shown["least friction"].cells == expected
 
 
 def test_signs_stand_below_each_other(grasps: tuple[Grasp, ...]) -> None:

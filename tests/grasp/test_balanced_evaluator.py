@@ -12,6 +12,7 @@ from gpis_grasp_planner.grasp.evaluator import AttemptStatus, PostureEvaluator
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.quality.balance_factor import balance_factor
 from gpis_grasp_planner.quality.closing_balance import ClosingBalance
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.searches import make_search
 
@@ -64,9 +65,9 @@ def test_attempts_are_the_plain_ones_with_an_imbalance(planner, pair, poses, way
 def test_the_objective_is_less_by_the_factor(pair, poses):
     plain, balanced = pair
     before, after = plain.attempt(*poses), balanced.attempt(*poses)
-    expected = before.objective(0.5) * balance_factor(after.imbalance)
-    np.testing.assert_allclose(after.objective(0.5), expected, rtol=1e-12)
-    assert (after.objective(0.5) < before.objective(0.5)).any()
+    expected = before.objective(EpsilonVolume(0.5)) * balance_factor(after.imbalance)
+    np.testing.assert_allclose(after.objective(EpsilonVolume(0.5)), expected, rtol=1e-12)
+    assert (after.objective(EpsilonVolume(0.5)) < before.objective(EpsilonVolume(0.5))).any()
 
 
 def test_counts_are_those_of_the_evaluator_below(pair, poses):

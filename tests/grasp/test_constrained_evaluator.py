@@ -14,6 +14,7 @@ from gpis_grasp_planner.grasp.constraint import ClosedHands, Constraint, Verdict
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus, PostureEvaluator
 from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.open_hand import open_postures
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.finalists import choose_finalists
 from gpis_grasp_planner.search.searches import make_search
@@ -72,7 +73,7 @@ def test_attempts_are_the_plain_ones_less_the_blocked(planner, sphere, ball_gras
                 values[~blocked], getattr(after, field.name)[~blocked], err_msg=field.name
             )
     assert (before.epsilon[blocked] > 0.0).all()
-    assert (after.objective(0.1)[blocked] == 0.0).all()
+    assert (after.objective(EpsilonVolume(0.1))[blocked] == 0.0).all()
     np.testing.assert_array_equal(after.T_object_palm, T)
     np.testing.assert_allclose(after.spread, spread, atol=1e-12)
 

@@ -10,23 +10,41 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 
 STILL = np.zeros(8)
-GRASP = Grasp(np.eye(4), STILL, STILL, Contacts.none(), 0.1, 0.01, np.eye(3)[2], 0.1)
+GRASP = Grasp(np.eye(4), STILL, STILL, Contacts.none(), Quality(0.1, 0.01), np.eye(3)[2], 0.1)
 
 
 def rank(grasp: Grasp) -> tuple[float, ...]:
-    return answer_rank(grasp, 0.5)
+    return answer_rank(grasp, EpsilonVolume(0.5))
 
 
-def tried(probability: float, *, held: bool = True, push_m: float = 0.0, **known: float) -> Grasp:
+def with_epsilon(grasp: Grasp, epsilon: float) -> Grasp:
+    return replace(grasp, quality=replace(grasp.quality, epsilon=epsilon))
+
+
+def tried(
+    probability: float,
+    *,
+    held: bool = True,
+    push_m: float = 0.0,
+    epsilon: float = 0.1,
+    hold_probability: float | None = None,
+) -> Grasp:
     outcome = TrialOutcome("case", held, "" if held else "slipped", closing_slip_m=push_m)
     estimate = HoldEstimate(probability, 0.0, 1.0, 3)
-    return replace(GRASP, trials=Trials((outcome,)), hold_estimate=estimate, **known)
+    return replace(
+        with_epsilon(GRASP, epsilon),
+        trials=Trials((outcome,)),
+        hold_estimate=estimate,
+        hold_probability=hold_probability,
+    )
 
 
 def test_held_then_untried_then_failed_whatever_is_expected() -> None:
-    untried = replace(GRASP, hold_estimate=HoldEstimate(0.99, 0.5, 1.0, 0), epsilon=0.5)
+    untried = replace(with_epsilon(GRASP, 0.5), hold_estimate=HoldEstimate(0.99, 0.5, 1.0, 0))
     assert rank(tried(0.2)) < rank(untried) < rank(tried(0.9, held=False, epsilon=0.9))
 
 
@@ -45,7 +63,7 @@ def test_a_hand_that_pushes_the_part_counts_as_less_likely() -> None:
 
 
 def test_without_trials_it_is_epsilon_and_volume() -> None:
-    better = replace(GRASP, epsilon=0.11), replace(GRASP, volume=0.02)
+    better = with_epsilon(GRASP, 0.11), replace(GRASP, quality=Quality(0.1, 0.02))
     assert all(rank(each) < rank(GRASP) for each in better)
-    unbalanced = replace(GRASP, epsilon=0.2, imbalance=3.0)
+    unbalanced = replace(GRASP, quality=Quality(0.2, 0.01, imbalance=3.0))
     assert rank(GRASP) < rank(unbalanced)

@@ -14,6 +14,7 @@ from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
+from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest
@@ -108,7 +109,7 @@ def test_what_held_in_physics_stays_first(planner, mug, plan):
     ]
     answer = place_result(planner, mug, replace(plan, grasps=tuple(tried)), Place(covariance=NOISE))
     assert answer.result.grasps[0].T_object_palm is worst.T_object_palm
-    ranks = [answer_rank(g, SETTINGS.hpp.volume_weight) for g in answer.result.grasps]
+    ranks = [answer_rank(g, make_objective(SETTINGS)) for g in answer.result.grasps]
     assert ranks == sorted(ranks)
 
 

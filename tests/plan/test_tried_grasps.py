@@ -12,6 +12,8 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.verification.hold_model import HoldModel
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -20,7 +22,7 @@ def grasp(x_mm: float, epsilon: float) -> Grasp:
     T = np.eye(4)
     T[0, 3] = 1e-3 * x_mm
     still = np.zeros(8)
-    return Grasp(T, still, still, Contacts.none(), epsilon, 0.0, T[:3, 2], 0.1)
+    return Grasp(T, still, still, Contacts.none(), Quality(epsilon, 0.0), T[:3, 2], 0.1)
 
 
 def physics(verdicts, n_lost=0):
@@ -45,7 +47,9 @@ def places(grasps):
 
 
 def test_what_held_comes_first_what_failed_last_whatever_epsilon_says():
-    tried = TriedGrasps.of(GRASPS, physics({0: [False], 200: [True], 300: [True, True]}), 0.1, 0.5)
+    tried = TriedGrasps.of(
+        GRASPS, physics({0: [False], 200: [True], 300: [True, True]}), 0.1, EpsilonVolume(0.5)
+    )
     assert places(tried.ranked) == [300, 200, 100, 0]
     assert places(tried.held) == [300, 200]
     assert tried.n_tried == 3
@@ -55,24 +59,26 @@ def test_what_held_comes_first_what_failed_last_whatever_epsilon_says():
 
 
 def test_where_nothing_held_the_causes_are_counted():
-    tried = TriedGrasps.of(GRASPS, physics({0: [False], 200: [False]}), 0.1, 0.5)
+    tried = TriedGrasps.of(GRASPS, physics({0: [False], 200: [False]}), 0.1, EpsilonVolume(0.5))
     assert tried.held == ()
     assert tried.why_none == "slipped 2"
-    assert TriedGrasps.of(GRASPS, physics({}), 0.1, 0.5).why_none.startswith("none could be tried")
+    assert TriedGrasps.of(GRASPS, physics({}), 0.1, EpsilonVolume(0.5)).why_none.startswith(
+        "none could be tried"
+    )
 
 
 def test_of_neighbours_the_one_that_held_is_kept():
     near = [grasp(0, 0.3), grasp(5, 0.2), grasp(100, 0.1)]
-    tried = TriedGrasps.of(near, physics({5: [True]}), 0.1, 0.5)
+    tried = TriedGrasps.of(near, physics({5: [True]}), 0.1, EpsilonVolume(0.5))
     assert places(tried.ranked) == [5, 100]
 
 
 def test_nothing_tried_is_said_with_the_losses():
-    tried = TriedGrasps.of(GRASPS, physics({}, n_lost=2), 0.1, 0.5)
+    tried = TriedGrasps.of(GRASPS, physics({}, n_lost=2), 0.1, EpsilonVolume(0.5))
     assert places(tried.ranked) == [0, 100, 200, 300]
     assert "No grasp could be tried" in tried.note
     assert "2 trials were lost" in tried.note
-    assert TriedGrasps.of([], physics({}), 0.1, 0.5).ranked == ()
+    assert TriedGrasps.of([], physics({}), 0.1, EpsilonVolume(0.5)).ranked == ()
 
 
 @pytest.mark.parametrize(("mass", "said"), [(5.9, False), (6.2, True)])

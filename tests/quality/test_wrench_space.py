@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.quality.wrench_space import (
-    Quality,
     cone_edges_of,
     contact_wrenches,
     grasp_quality,

@@ -9,10 +9,12 @@ import pytest
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.ros.conversions import funnel_messages, grasp_message
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
@@ -68,8 +70,7 @@ def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
         contacts=Contacts(
             rng.normal(size=(4, 3)), normals, rng.uniform(0.2, 1, 4), np.array([0, 4, 5, 6])
         ),
-        epsilon=0.1,
-        volume=0.02,
+        quality=Quality(0.1, 0.02),
         approach_direction=T_object_palm[:3, 2],
         approach_distance=0.1,
     )
@@ -95,6 +96,19 @@ def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
     up = rotate(q_object, np.array([0.6, 0.0, 0.8]))
     assert np.allclose(xyz(placed.lift_direction.vector), up, atol=1e-12)
     assert placed.hold_probability == 0.75
+    assert not message.arm_grasp.name
+    assert message.arm_manipulability == -1.0
+    way, lift = rng.normal(size=(2, 5, 2))
+    carried = replace(grasp, arm=ArmMotion("mine", ("a", "b"), way, lift, 0.25))
+    carried_message = grasp_message(carried, plan, pose, HAND)
+    for state, joints in (
+        (carried_message.arm_pre_grasp, way[0]),
+        (carried_message.arm_grasp, way[-1]),
+        (carried_message.arm_lifted, lift[-1]),
+    ):
+        assert list(state.name) == ["a", "b"]
+        assert np.array_equal(state.position, joints)
+    assert carried_message.arm_manipulability == 0.25
     back = xyz(message.pre_grasp_palm_pose.pose.position)
     assert np.allclose(back, xyz(out.position) - 0.1 * z, atol=1e-12)
     assert message.pre_grasp_palm_pose.pose.orientation == out.orientation

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gpis_grasp_planner.errors import ErrorCode
@@ -101,3 +102,17 @@ def test_a_cache_of_size_zero_keeps_nothing() -> None:
     cache = PlanCache(0)
     cache.put("1", plan("first"))
     assert cache.get("1") is None
+
+
+def test_before_an_arm_a_plan_is_for_one_pose() -> None:
+    near, far = np.eye(4), np.eye(4)
+    far[0, 3] = 0.2
+    cache = PlanCache(4)
+    for name, T in (("near", near), ("far", far)):
+        place = Place(T, T_world_arm=np.eye(4))
+        cache.put("key", replace(plan(name), place=place.as_mapping()))
+    assert cache.count("near") == cache.count("far") == 1
+    for name, T in (("near", near), ("far", far)):
+        found = cache.get("key", Place(T, T_world_arm=np.eye(4)))
+        assert found is not None
+        assert found.message == name

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from geometry_msgs.msg import PoseStamped, Vector3
 from gpis_grasp_msgs.msg import Obstacle
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
-from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw, inverse
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.settings import NodeSettings
@@ -152,3 +154,45 @@ def test_a_part_far_from_its_frames_origin_has_the_same_surroundings() -> None:
 def test_default_obstacles_at_the_other_end_of_the_hall_are_left_out() -> None:
     listed = "[{name: far, position: [3000, 0, 0], size: [1, 1, 1]}]"
     assert not source(obstacles=listed, obstacles_frame="cell").place(PlanGrasp.Request(), POSE)
+
+
+def test_an_arm_stands_in_its_frame() -> None:
+    def transform(target: str, source: str, _: int) -> np.ndarray:
+        assert (target, source) == ("cell", "arm_base")
+        return from_position_quat_xyzw([0, 0, 1], [HALF, 0, 0, HALF])
+
+    scenes = SceneSource(
+        lambda: NodeSettings(arm_frame="arm_base"),
+        no_mesh,
+        transform=transform,
+        arm_model=lambda: "six_axis",
+    )
+    for far in (0.0, 1000.0):
+        moved = replace(POSE, T_world_object=POSE.T_world_object.copy())
+        moved.T_world_object[0, 3] += far
+        place = scenes.place(PlanGrasp.Request(), moved)
+        assert place
+        assert place.T_world_arm is not None
+        T_arm_object = inverse(place.T_world_arm) @ place.T_world_object
+        expected = inverse(transform("cell", "arm_base", 0)) @ moved.T_world_object
+        np.testing.assert_allclose(T_arm_object, expected, atol=1e-9)
+
+
+def test_an_arm_without_a_frame_is_refused() -> None:
+    scenes = SceneSource(NodeSettings, no_mesh, arm_model=lambda: "six_axis")
+    with pytest.raises(RequestError, match="arm_frame is empty"):
+        scenes.place(PlanGrasp.Request(), POSE)
+
+
+def test_the_flange_is_the_arms(tmp_path: Path) -> None:
+    file = tmp_path / "arm.yaml"
+    file.write_text("arm: six_axis\nflange: {position: [0.0, 0.0, 0.05]}\n")
+    arm = SceneSource(NodeSettings, no_mesh, arm_model=lambda: str(file)).palm_flange()
+    assert arm is not None
+    np.testing.assert_allclose(arm[:3, 3], [0.0, 0.0, -0.05])
+    same = NodeSettings(palm_flange_pose="0 0 -0.05 0 0 0 1")
+    other = NodeSettings(palm_flange_pose="0 0 -0.06 0 0 0 1")
+    assert SceneSource(lambda: same, no_mesh, arm_model=lambda: str(file)).palm_flange() is not None
+    with pytest.raises(RequestError, match="another flange"):
+        SceneSource(lambda: other, no_mesh, arm_model=lambda: str(file)).palm_flange()
+    assert SceneSource(NodeSettings, no_mesh).palm_flange() is None

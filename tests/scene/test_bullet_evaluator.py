@@ -41,8 +41,7 @@ def grasp_of(attempts: Attempts, row: int) -> Grasp:
         joints=attempts.joints[row],
         pregrasp_joints=np.zeros_like(attempts.joints[row]),
         contacts=attempts.contacts(row),
-        epsilon=float(attempts.epsilon[row]),
-        volume=float(attempts.volume[row]),
+        quality=attempts.quality(row),
         approach_direction=T[:3, 2],
         approach_distance=0.1,
     )

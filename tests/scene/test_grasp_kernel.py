@@ -6,6 +6,7 @@ import pytest
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.quality.wrench_space import contact_wrenches, hull_quality
 from gpis_grasp_planner.scene import grasp_kernel
 from gpis_grasp_planner.scene.grasp_kernel import pyramid_wrenches
@@ -64,7 +65,7 @@ def test_far_away_and_inside_have_their_codes(scene):
     a = s.evaluator.attempt(np.stack([far, inside]), np.zeros(2))
     assert list(a.status) == [AttemptStatus.TOO_FEW_CONTACTS, AttemptStatus.PALM_COLLISION]
     np.testing.assert_array_equal(a.epsilon, -1.0)
-    np.testing.assert_array_equal(a.objective(1.0), 0.0)
+    np.testing.assert_array_equal(a.objective(EpsilonVolume(1.0)), 0.0)
 
 
 def test_finger_through_the_mugs_handle(scene):

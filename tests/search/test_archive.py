@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.grasp.order import DISTINCT, are_near, distinct, pose_difference
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.search.archive import GraspArchive
 
 RADIUS = 0.08
@@ -81,16 +82,16 @@ def test_objective_is_the_papers_with_its_indicator(oracle, rng):
     volume = np.array([0.4, 0.4, 0.0, 0.1, 0.0, 0.2])
     attempts = oracle.make_attempts(random_poses(rng, 6), epsilon, volume)
     expected = [objective(e, v) for e, v in zip(epsilon, volume, strict=True)]
-    assert_allclose(attempts.objective(WEIGHT), expected, rtol=1e-15)
-    assert_allclose(attempts.objective(0.0), np.maximum(epsilon, 0.0))
+    assert_allclose(attempts.objective(EpsilonVolume(WEIGHT)), expected, rtol=1e-15)
+    assert_allclose(attempts.objective(EpsilonVolume(0.0)), np.maximum(epsilon, 0.0))
 
 
 @pytest.mark.parametrize("status", [s for s in AttemptStatus if s != AttemptStatus.GRASPED])
 def test_failed_attempts_are_worth_nothing_and_are_not_kept(status, oracle, rng):
     attempts = oracle.make_attempts(random_poses(rng, 3), [0.3] * 3, [1.0] * 3, [status] * 3)
-    archive = GraspArchive(RADIUS, WEIGHT)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT))
     archive.add(attempts)
-    assert attempts.objective(WEIGHT).tolist() == [0.0] * 3
+    assert attempts.objective(EpsilonVolume(WEIGHT)).tolist() == [0.0] * 3
     assert len(archive) == 0
     assert archive.best_epsilon == -1.0
     assert archive.best(5) == []
@@ -98,7 +99,7 @@ def test_failed_attempts_are_worth_nothing_and_are_not_kept(status, oracle, rng)
 
 
 def test_archive_takes_force_closure_only_and_remembers_the_best_of_the_rest(oracle, rng):
-    archive = GraspArchive(RADIUS, WEIGHT)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT))
     archive.add(oracle.make_attempts(random_poses(rng, 3), [-1.0, -1.0, -1.0], [0.1, 0.3, 0.2]))
     assert len(archive) == 0
     assert archive.best_attempt.index == 1
@@ -110,7 +111,7 @@ def test_archive_takes_force_closure_only_and_remembers_the_best_of_the_rest(ora
 
 
 def test_empty_batches_change_nothing(oracle):
-    archive = GraspArchive(RADIUS, WEIGHT)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT))
     archive.add(oracle.make_attempts(np.zeros((0, 4, 4)), []))
     assert len(archive) == 0
     assert archive.best_attempt is None
@@ -120,7 +121,7 @@ def test_empty_batches_change_nothing(oracle):
 def test_archive_never_loses_the_best_objective_nor_the_best_epsilon(reach, oracle, rng):
     # Crowded (reach 0.01) as well as wide: thinning drops neighbours of better grasps, and the
     # best epsilon may well be such a neighbour where another has the larger volume.
-    archive = GraspArchive(RADIUS, WEIGHT, capacity=20)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT), capacity=20)
     best_objective = best_epsilon = -1.0
     for _ in range(60):
         T = random_poses(rng, 8, reach)
@@ -141,7 +142,7 @@ def test_archive_never_loses_the_best_objective_nor_the_best_epsilon(reach, orac
 
 
 def test_the_chosen_are_best_first_and_apart(oracle, rng):
-    archive = GraspArchive(RADIUS, WEIGHT)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT))
     for _ in range(40):
         archive.add(
             oracle.make_attempts(
@@ -162,7 +163,10 @@ def test_thinning_leaves_the_answer_as_it_was(oracle, rng):
         oracle.make_attempts(random_poses(rng, 10, 0.4), rng.uniform(0.01, 0.2, 10))
         for _ in range(80)
     ]
-    full, thinned = GraspArchive(RADIUS, WEIGHT, 10**6), GraspArchive(RADIUS, WEIGHT, 160)
+    full, thinned = (
+        GraspArchive(RADIUS, EpsilonVolume(WEIGHT), 10**6),
+        GraspArchive(RADIUS, EpsilonVolume(WEIGHT), 160),
+    )
     for batch in batches:
         full.add(batch)
         thinned.add(batch)
@@ -175,7 +179,7 @@ def test_thinning_leaves_the_answer_as_it_was(oracle, rng):
 def test_equal_figures_keep_their_order(oracle):
     T = np.tile(np.eye(4), (5, 1, 1))
     T[:, 0, 3] = np.arange(5) * RADIUS
-    archive = GraspArchive(RADIUS, WEIGHT)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT))
     archive.add(oracle.make_attempts(T, [0.1] * 5))
     assert [c.index for c in archive.best(5)] == [0, 1, 2, 3, 4]
 
@@ -198,7 +202,7 @@ def test_what_a_grasp_has_to_beat(oracle):
 
     T = np.tile(np.eye(4), (3, 1, 1))
     T[:, 0, 3] = [0.0, RADIUS, 2 * RADIUS]
-    archive = GraspArchive(RADIUS, WEIGHT)
+    archive = GraspArchive(RADIUS, EpsilonVolume(WEIGHT))
     assert archive.to_beat(lifted(T), lifted).tolist() == [0.0, 0.0, 0.0]
     archive.add(oracle.make_attempts(T, [0.3, 0.2, 0.1]))
     far = np.eye(4)

@@ -52,9 +52,9 @@ def test_the_best_is_never_worse_than_the_first_stages(
 ):
     context = make_context(catalogue.load(mesh_id), seed=seed)
     run(context, 300)
-    weight = context.settings.hpp.volume_weight
+    objective = context.objective
     best = {
-        stage: max(a.objective(weight).max(initial=0.0) for s, a in stages if s == stage)
+        stage: max(a.objective(objective).max(initial=0.0) for s, a in stages if s == stage)
         for stage in (1, 2)
     }
     assert min(best.values()) > 0.0

@@ -10,6 +10,7 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.quality.objective import EpsilonVolume
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.admm_cp_opt import ContactPointOptimiser
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -31,7 +32,7 @@ def context(catalogue):
             hand, part, friction, settings.scene, prepared.field, prepared.tree
         ),
         atlas=prepared.atlas,
-        archive=GraspArchive(part.max_radius, settings.hpp.volume_weight),
+        archive=GraspArchive(part.max_radius, EpsilonVolume(settings.hpp.volume_weight)),
         settings=settings.search.with_spread_up_to(hand.spread_upper),
         rng=np.random.default_rng(3),
     )

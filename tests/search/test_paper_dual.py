@@ -47,13 +47,13 @@ def test_one_proposal_an_iteration_until_n_iter(run):
 def test_the_told_value_is_the_better_stages_at_its_own_pose(run):
     _, context, told, results, first_values = run
     assert results
-    weight = context.settings.hpp.volume_weight
+    objective = context.objective
     face_height = context.T_palm_face[2, 3]
     for (iteration, found), first in zip(results, first_values, strict=True):
         _, proposals = told[iteration]
         best = int(proposals.best[0])
         choices = [(float(first[0]), proposals.attempts.T_object_palm[best])]
-        choices += [(float(r.realised.objective(weight)[0]), r.T_object_palm) for r in found]
+        choices += [(float(r.realised.objective(objective)[0]), r.T_object_palm) for r in found]
         value, T = max(choices, key=lambda choice: choice[0])
         assert proposals.values[0] == pytest.approx(value, rel=1e-15)
         assert proposals.values[0] >= first[0]
@@ -64,7 +64,7 @@ def test_the_told_value_is_the_better_stages_at_its_own_pose(run):
 
 def test_counts_are_those_of_the_results(run):
     search, context, _, results, first_values = run
-    weight = context.settings.hpp.volume_weight
+    objective = context.objective
     flat = [
         (r, first[0])
         for (_, found), first in zip(results, first_values, strict=True)
@@ -72,14 +72,14 @@ def test_counts_are_those_of_the_results(run):
     ]
     assert search.runs == len(flat) == context.settings.admm.n_seed * len(results)
     assert search.converged == sum(r.converged for r, _ in flat)
-    assert search.improved == sum(r.realised.objective(weight)[0] > v for r, v in flat)
+    assert search.improved == sum(r.realised.objective(objective)[0] > v for r, v in flat)
 
 
 def test_the_answer_is_never_worse_than_the_first_stages(run):
     _, context, told, results, _ = run
-    weight = context.settings.hpp.volume_weight
-    first = max(p.attempts.objective(weight).max(initial=0.0) for p, _ in told)
-    second = max(r.realised.objective(weight)[0] for _, found in results for r in found)
+    objective = context.objective
+    first = max(p.attempts.objective(objective).max(initial=0.0) for p, _ in told)
+    second = max(r.realised.objective(objective)[0] for _, found in results for r in found)
     best = context.archive.best(1)[0].objective
     assert best == pytest.approx(max(first, second), rel=1e-15)
 

@@ -17,6 +17,7 @@ from gpis_grasp_planner.grasp.hand_motion import motions_of
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.surroundings.clearance import Cause, clear_grasps
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.surroundings.obstacles import (
@@ -42,7 +43,8 @@ def random_hands(hand, n, rng):
     opened = joints_from_motors(hand, spread, np.zeros((n, 3)))
     closed = joints_from_motors(hand, spread, motor, inner[..., None])
     return [
-        Grasp(T[k], closed[k], opened[k], NONE, 0.1, 0.1, T[k, :3, 2].copy(), 0.1) for k in range(n)
+        Grasp(T[k], closed[k], opened[k], NONE, Quality(0.1, 0.1), T[k, :3, 2].copy(), 0.1)
+        for k in range(n)
     ]
 
 
@@ -202,7 +204,7 @@ def test_verdicts_do_not_depend_on_the_frame(planner):
     first = clear_grasps(planner.hand, grasps, world, SETTINGS)
     T = transform(Rotation.random(rng=rng).as_matrix(), rng.uniform(-1, 1, 3))
     elsewhere = [
-        Grasp(T @ g.T_object_palm, g.joints, g.pregrasp_joints, NONE, 0.1, 0.1,
+        Grasp(T @ g.T_object_palm, g.joints, g.pregrasp_joints, NONE, Quality(0.1, 0.1),
               T[:3, :3] @ g.approach_direction, 0.1)
         for g in grasps
     ]  # fmt: skip

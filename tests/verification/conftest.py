@@ -59,8 +59,7 @@ def grasp_at(part: Part, hand: HandDescription, center_palm: np.ndarray, spread:
         joints=closed.joints[0],
         pregrasp_joints=pregrasp,
         contacts=closed.contacts(0),
-        epsilon=float(closed.epsilon[0]),
-        volume=float(closed.volume[0]),
+        quality=closed.quality(0),
         approach_direction=T[:3, 2],
         approach_distance=0.1,
     )

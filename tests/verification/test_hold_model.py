@@ -11,6 +11,7 @@ from scipy.stats import beta
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.verification.hold_model import BetaPosterior, HoldModel, features_of
 
 STILL = np.zeros(8)
@@ -19,10 +20,8 @@ STILL = np.zeros(8)
 def grasp(x_mm: float = 0.0, epsilon: float = 0.1, imbalance: float | None = 0.0) -> Grasp:
     T = np.eye(4)
     T[0, 3] = 1e-3 * x_mm
-    volume = 2.0 * epsilon**2
-    return Grasp(
-        T, STILL, STILL, Contacts.none(), epsilon, volume, T[:3, 2], 0.1, imbalance=imbalance
-    )
+    quality = Quality(epsilon, 2.0 * epsilon**2, imbalance)
+    return Grasp(T, STILL, STILL, Contacts.none(), quality, T[:3, 2], 0.1)
 
 
 def outcomes(marks: str) -> tuple[TrialOutcome, ...]:
@@ -91,7 +90,7 @@ def test_outcomes_replace_what_was_told_of_a_grasp_before() -> None:
 
 
 def test_without_figures_features_are_finite() -> None:
-    bare = replace(grasp(imbalance=None), epsilon=-1.0, volume=0.0)
+    bare = replace(grasp(), quality=Quality(-1.0, 0.0))
     assert np.isfinite(features_of(bare)).all()
     estimate = HoldModel().estimate(bare)
     assert 0.0 < estimate.probability < 0.5

@@ -31,8 +31,7 @@ def grasp_of(part: Part, center_palm: np.ndarray) -> Grasp:
         joints=closed.joints[0],
         pregrasp_joints=np.zeros(HAND.n_joints),
         contacts=closed.contacts(0),
-        epsilon=float(closed.epsilon[0]),
-        volume=float(closed.volume[0]),
+        quality=closed.quality(0),
         approach_direction=T[:3, 2],
         approach_distance=0.1,
     )

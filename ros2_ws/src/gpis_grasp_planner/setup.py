@@ -46,7 +46,10 @@ setup(
         "scipy",
         "threadpoolctl",  # one thread for BLAS in programs that loaded numpy before
     ],
-    extras_require={"mujoco": ["mujoco"]},  # verification.engine
+    extras_require={
+        "mujoco": ["mujoco"],  # verification.engine
+        "arm": ["coal", "eaik"],  # arm.model
+    },
     entry_points={
         "console_scripts": [
             f"grasp_planner_node = {NAME}.ros.node:main",

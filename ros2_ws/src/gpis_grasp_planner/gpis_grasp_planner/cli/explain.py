@@ -9,6 +9,7 @@ from gpis_grasp_planner.cli.tables import Column
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.grasp.funnel import Funnel
+    from gpis_grasp_planner.plan.request import PlanResult
 
 
 def funnel_columns(funnel: Funnel) -> list[Column]:
@@ -38,6 +39,30 @@ def show(funnel: Funnel) -> None:
         main = funnel.main_loss
         assert main is not None
         tables.print_text(f"Main loss: {main[0]}. {text}")
+
+
+def show_figures(result: PlanResult) -> None:
+    """Print what the figures of the grasps mean, and their range over the answer."""
+    found = {
+        figure: [
+            grasp.quality.figures[figure.name]
+            for grasp in result.grasps
+            if figure.name in grasp.quality.figures
+        ]
+        for figure in result.figures
+    }
+    if not any(found.values()):
+        return
+    print()
+    tables.print_text(f"Looked for, best first: {result.objective}.")
+    for figure, values in found.items():
+        if values:
+            unit = f" {figure.unit}" if figure.unit else ""
+            better = "larger" if figure.larger_is_better else "smaller"
+            tables.print_text(
+                f"{figure.name} ({better} is better), here {min(values):.4g} to "
+                f"{max(values):.4g}{unit}. {figure.description} [{figure.source}]"
+            )
 
 
 def _share(left: int, had: int) -> str:

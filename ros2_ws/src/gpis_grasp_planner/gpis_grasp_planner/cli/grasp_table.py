@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,14 +22,22 @@ LEGEND = "Contacts: P palm, F1 first finger; its links k knuckle, i inner, d dis
 _SHORT = {"lost while closing": "lost", "too few touch": "few touch"}
 
 
-def grasp_columns(hand: HandDescription, grasps: Sequence[Grasp], verified: bool) -> list[Column]:
-    """One row per grasp; `verified`: trials were asked for, also where none was made."""
+def grasp_columns(
+    hand: HandDescription, grasps: Sequence[Grasp], verified: bool, objective: str = ""
+) -> list[Column]:
+    """One row per grasp.
+
+    `verified`: trials were asked for, also where none was made. `objective`: the name of the
+    measure that the search went by, whose column is kept before those of others.
+    """
     trials = [trial_cells(grasp) for grasp in grasps]
     columns = [
         Column("#", [str(i) for i in range(len(grasps))]),
         Column("epsilon", [f"{grasp.epsilon:.4f}" for grasp in grasps]),
         Column("volume", [f"{grasp.volume:.4f}" for grasp in grasps], 2),
     ]
+    measured = measured_columns(grasps)
+    columns += [replace(measured.pop(objective), priority=2)] if objective in measured else []
     if verified:
         columns += [
             Column("holds", [holds for holds, _ in trials], 1, left=True),
@@ -38,12 +47,29 @@ def grasp_columns(hand: HandDescription, grasps: Sequence[Grasp], verified: bool
         columns.append(Column("P(hold)", [_probability(grasp) for grasp in grasps], 1))
     columns.append(Column("approach", [_vector(g.approach_direction, 5, 2) for g in grasps], 3))
     positions = [_vector(1e3 * grasp.T_object_palm[:3, 3], 6, 1) for grasp in grasps]
+    if any(grasp.arm is not None for grasp in grasps):
+        columns.append(Column("arm", [_manipulability(grasp) for grasp in grasps], 2))
     return [
         *columns,
         Column("contacts", [contact_code(hand, g.contacts.links) for g in grasps], 4, left=True),
         Column("palm at [mm]", positions, 6),
         Column("points", [str(len(grasp.contacts)) for grasp in grasps], 7),
+        *measured.values(),
     ]
+
+
+def measured_columns(grasps: Sequence[Grasp]) -> dict[str, Column]:
+    """One column for each figure beside epsilon and volume that any of the grasps has."""
+    names = dict.fromkeys(name for grasp in grasps for name in grasp.quality.measured)
+    return {
+        name: Column(name.replace("_", " "), [_figure(grasp, name) for grasp in grasps], 8)
+        for name in names
+    }
+
+
+def _figure(grasp: Grasp, name: str) -> str:
+    value = grasp.quality.measured.get(name)
+    return "" if value is None else f"{value:.3f}"
 
 
 def order_text(result: PlanResult) -> str:
@@ -53,8 +79,8 @@ def order_text(result: PlanResult) -> str:
         rules.append("held in physics")
     if any(_hold_probability(grasp) is not None for grasp in result.grasps):
         rules.append("P(hold)")
-    weight = result.settings["hpp"]["volume_weight"]
-    rules.append(f"epsilon + {weight:g} volume")
+    weight = result.settings["hpp"]["volume_weight"]  # documents before figures had names
+    rules.append(result.objective or f"epsilon + {weight:g} volume")
     return f"Best first by {', '.join(rules)}; # counts from 0."
 
 
@@ -117,3 +143,8 @@ def _hold_probability(grasp: Grasp) -> float | None:
 def _probability(grasp: Grasp) -> str:
     probability = _hold_probability(grasp)
     return "" if probability is None else f"{probability:.2f}"
+
+
+def _manipulability(grasp: Grasp) -> str:
+    """Share of the arm's largest manipulability."""
+    return "" if grasp.arm is None else f"{grasp.arm.manipulability:.2f}"

@@ -67,6 +67,52 @@ def with_hand(assignments: Sequence[str], hand: str | None) -> list[str]:
     return [*assignments, *([] if hand is None else [f"hand.model={hand}"])]
 
 
+def add_objective(parser: argparse.ArgumentParser) -> None:
+    """Add --objective and --task."""
+    parser.add_argument(
+        "--objective",
+        metavar="NAME",
+        help="what the search maximises: paper (epsilon + lambda volume), min_weight, "
+        "least_friction, task, or a measure of an installed distribution; default: the setting "
+        "objective.name",
+    )
+    parser.add_argument(
+        "--task",
+        metavar="TASK",
+        help="the task that --objective task is for, such as 'lift 0 0 1', 'insert 0 0 -1 at "
+        "0 0 -0.04', 'turn 0 0 1' or 'screw 0 0 1', in the part's frame, several joined by '+'; "
+        "alone it implies --objective task",
+    )
+
+
+def with_objective(
+    assignments: Sequence[str], objective: str | None, task: str | None
+) -> list[str]:
+    """Assignments of settings with those of --objective and --task."""
+    if task is not None and objective is None:
+        objective = "task"
+    return [
+        *assignments,
+        *([] if objective is None else [f"objective.name={objective}"]),
+        *([] if task is None else [f"objective.task={task}"]),
+    ]
+
+
+def add_arm(parser: argparse.ArgumentParser) -> None:
+    """Add --arm."""
+    parser.add_argument(
+        "--arm",
+        metavar="ARM",
+        help="the arm that carries the hand: six_axis, seven_axis, or an arm's YAML file with its "
+        "base and flange (docs/arm.md); default: the setting arm.model, which is none",
+    )
+
+
+def with_arm(assignments: Sequence[str], arm: str | None) -> list[str]:
+    """Assignments of settings with that of the arm."""
+    return [*assignments, *([] if arm is None else [f"arm.model={arm}"])]
+
+
 def add_document(parser: argparse.ArgumentParser) -> None:
     """Add a document of grasps and, where its mesh is elsewhere, the mesh."""
     parser.add_argument("document", metavar="GRASPS.json", type=Path, help="of 'plan --json'")

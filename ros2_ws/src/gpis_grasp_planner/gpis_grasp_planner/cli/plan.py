@@ -45,6 +45,8 @@ examples:
   gpis-grasp plan mug --support lowest --explain
   gpis-grasp plan mug --set verification.mass_kg=0.3
   gpis-grasp plan flange --hand parallel_jaw
+  gpis-grasp plan mug --objective least_friction --explain
+  gpis-grasp plan bracket --task "insert 0 0 -1 at 0 0 -0.03"
 """
 
 
@@ -84,6 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "gpis-grasp-benchmark; default: dual",
     )
     options.add_hand(parser)
+    options.add_objective(parser)
+    options.add_arm(parser)
     parser.add_argument("--grasps", type=int, default=20, metavar="N", help="default: 20")
     options.add_mesh_file(parser)
     parser.add_argument(
@@ -128,6 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
             tables.print_text(result.message)
     if arguments.explain and not to_stdout:
         explain.show(result.funnel)
+        explain.show_figures(result)
     for text in result.notes:
         output.note(f"note: {text}")
     if arguments.picture is not None:
@@ -156,9 +161,10 @@ def _plan(
     """The part, its file, the answer, and whether a place was given."""
     from gpis_grasp_planner.plan.request import PlanRequest
 
-    settings, catalogue_settings = options.read_settings(
-        arguments.settings, options.with_hand(arguments.assignments, arguments.hand)
-    )
+    assignments = options.with_hand(arguments.assignments, arguments.hand)
+    assignments = options.with_arm(assignments, arguments.arm)
+    assignments = options.with_objective(assignments, arguments.objective, arguments.task)
+    settings, catalogue_settings = options.read_settings(arguments.settings, assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     status.enter("reading")
     part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
@@ -204,7 +210,8 @@ def _show(result: PlanResult) -> None:
 
     verified = result.request.verification != "none"
     hand = load_hand(result.hand)
-    tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified))
+    objective = result.settings.get("objective", {}).get("name", "")
+    tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified, objective))
     print()
     tables.print_text(grasp_table.order_text(result))
     tables.print_text(grasp_table.LEGEND)

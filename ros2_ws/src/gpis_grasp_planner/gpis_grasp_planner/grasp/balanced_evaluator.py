@@ -5,22 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.grasp.evaluator import (
-    Attempts,
-    AttemptStatus,
-    PostureEvaluator,
-    Postures,
-)
+from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus, PostureEvaluator
+from gpis_grasp_planner.grasp.judging_evaluator import JudgingEvaluator
 from gpis_grasp_planner.quality.closing_balance import ClosingBalance
 
-Array = NDArray[np.float64]
 
-
-class BalancedEvaluator:
-    """Implements `grasp.evaluator.PostureEvaluator` on top of another one.
+class BalancedEvaluator(JudgingEvaluator):
+    """An evaluator that tells the imbalance of what another one closed.
 
     Attempts with force closure get their `imbalance`, by which their objective is less
     (:func:`~gpis_grasp_planner.quality.balance_factor.balance_factor`).
@@ -37,52 +29,11 @@ class BalancedEvaluator:
     """
 
     def __init__(self, evaluator: PostureEvaluator, balance: ClosingBalance):
-        self._evaluator, self._balance = evaluator, balance
+        super().__init__(evaluator)
+        self._balance = balance
 
-    @property
-    def friction(self) -> Friction:
-        """Friction of the pairs of hand link and object."""
-        return self._evaluator.friction
-
-    @property
-    def n_attempts(self) -> int:
-        """Grasp attempts so far."""
-        return self._evaluator.n_attempts
-
-    @property
-    def n_states(self) -> int:
-        """States whose guided potential was asked for so far."""
-        return self._evaluator.n_states
-
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
-        return self._judged(self._evaluator.attempt(T_object_palm, spread))
-
-    def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]."""
-        return self._judged(self._evaluator.attempt_from(T_object_palm, joints))
-
-    def postures(self, T_object_palm: Array, motors: Array) -> Postures:
-        """Hands at given motor angles; see the protocol."""
-        return self._evaluator.postures(T_object_palm, motors)
-
-    def clear_palm(
-        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Move open hands along the normals until they are free; see the protocol."""
-        return self._evaluator.clear_palm(T_object_palm, normals_outward, spread, standoff)
-
-    def approach(
-        self, T_object_palm: Array, joints: Array, reach: float
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Move free hands along the palm's axis until they touch; see the protocol."""
-        return self._evaluator.approach(T_object_palm, joints, reach)
-
-    def guided_potential(self, T_object_palm: Array, joints: Array) -> Array:
-        """Guided potential quality energies (B,) of states; see the protocol."""
-        return self._evaluator.guided_potential(T_object_palm, joints)
-
-    def _judged(self, attempts: Attempts) -> Attempts:
+    def judged(self, attempts: Attempts) -> Attempts:
+        """The attempts with their imbalances."""
         closed = (attempts.status == AttemptStatus.GRASPED) & (attempts.epsilon > 0.0)
         imbalance = np.zeros(len(attempts))
         imbalance[closed] = self._balance.imbalance(

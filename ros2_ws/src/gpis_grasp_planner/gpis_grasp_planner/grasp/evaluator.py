@@ -7,6 +7,7 @@ the compiled one (`scene.compiled_evaluator`), which the search uses, and PyBull
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol, runtime_checkable
@@ -15,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.quality.balance_factor import balance_factor
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import Quality
+from gpis_grasp_planner.quality.objective import Objective, worth
 
 Array = NDArray[np.float64]
 
@@ -62,6 +64,9 @@ class Attempts:
     imbalance : (B,) array or None
         What the closing hand's own forces leave unbalanced of a push, over the push; 0 without
         force closure. None where nobody asked (`grasp.balanced_evaluator`).
+    columns : mapping of str to (B,) array, or None
+        Figures of the measures that the objective needs, by name; NaN without force closure. None
+        where it needs none (`grasp.measured_evaluator`).
     """
 
     T_object_palm: Array
@@ -78,19 +83,35 @@ class Attempts:
     start_joints: Array | None = None
     shift: Array | None = None
     imbalance: Array | None = None
+    columns: Mapping[str, Array] | None = None
 
     def __len__(self) -> int:
         return len(self.status)
 
-    def objective(self, volume_weight: float) -> Array:
-        """The paper's f_obj = 1(epsilon) epsilon + lambda volume, (B,); 0 for failed attempts.
+    @property
+    def measured(self) -> Mapping[str, Array]:
+        """Figures of measures, by name."""
+        return self.columns or {}
+
+    def objective(self, objective: Objective) -> Array:
+        """What an objective makes of them, (B,); 0 for failed attempts.
 
         Beyond the paper, where the imbalance is known: times its `balance_factor`.
         """
-        value = np.maximum(self.epsilon, 0.0) + volume_weight * self.volume
-        if self.imbalance is not None:
-            value = value * balance_factor(self.imbalance)
-        return np.where(self.status == AttemptStatus.GRASPED, value, 0.0)
+        return np.where(self.status == AttemptStatus.GRASPED, worth(objective, self), 0.0)
+
+    def quality(self, index: int) -> Quality:
+        """The figures of one attempt; epsilon may be an upper bound, volume is an estimate."""
+        return Quality(
+            float(self.epsilon[index]),
+            float(self.volume[index]),
+            None if self.imbalance is None else float(self.imbalance[index]),
+            {
+                name: float(values[index])
+                for name, values in self.measured.items()
+                if np.isfinite(values[index])
+            },
+        )
 
     def contacts(self, index: int) -> Contacts:
         """Contacts of one attempt."""

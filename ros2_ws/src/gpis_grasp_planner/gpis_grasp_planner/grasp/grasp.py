@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.trials import HoldEstimate, Trials
 from gpis_grasp_planner.quality.contacts import Contacts
-from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
+from gpis_grasp_planner.quality.figures import Quality
+from gpis_grasp_planner.quality.wrench_space import grasp_quality
 
 Array = NDArray[np.float64]
 
@@ -27,9 +29,8 @@ class Grasp:
     pregrasp_joints : (J,) array [rad]
         The open hand from which it closes.
     contacts : Contacts
-    epsilon : float
-        -1 without force closure.
-    volume : float
+    quality : Quality
+        Epsilon, volume and every other figure that is known of it.
     approach_direction : (3,) array
         Unit vector along which the palm comes (its z axis).
     approach_distance : float [m]
@@ -40,26 +41,24 @@ class Grasp:
         Under the covariance of a pose estimate; None where none was given.
     lift_direction : (3,) array or None
         Unit vector away from the support that the part lies on; None where none is known.
-    imbalance : float or None
-        What the closing hand's own forces leave unbalanced of a push, over the push
-        (`quality.closing_balance`). None where nobody asked.
     hold_estimate : HoldEstimate or None
         By trials in physics; None where none were asked for.
+    arm : ArmMotion or None
+        How the arm brings the hand there and lifts it; None where no arm was given.
     """
 
     T_object_palm: Array
     joints: Array
     pregrasp_joints: Array
     contacts: Contacts
-    epsilon: float
-    volume: float
+    quality: Quality
     approach_direction: Array
     approach_distance: float
     trials: Trials | None = None
     hold_probability: float | None = None
     lift_direction: Array | None = None
-    imbalance: float | None = None
     hold_estimate: HoldEstimate | None = None
+    arm: ArmMotion | None = None
 
     @property
     def way_out(self) -> Array:
@@ -67,9 +66,24 @@ class Grasp:
         return -self.approach_direction if self.lift_direction is None else self.lift_direction
 
     @property
+    def epsilon(self) -> float:
+        """-1 without force closure."""
+        return self.quality.epsilon
+
+    @property
+    def volume(self) -> float:
+        """Of the grasp wrench space."""
+        return self.quality.volume
+
+    @property
+    def imbalance(self) -> float | None:
+        """What the closing hand leaves unbalanced; None where nobody asked."""
+        return self.quality.imbalance
+
+    @property
     def feasible(self) -> bool:
         """Whether the grasp has force closure."""
-        return self.epsilon > 0.0
+        return self.quality.force_closure
 
     def recomputed_quality(
         self, center_of_mass: Array, torque_scale: float, cone_edges: int

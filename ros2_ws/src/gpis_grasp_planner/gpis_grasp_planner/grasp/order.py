@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.transforms import rotation_angle
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.quality.balance_factor import balance_factor
+from gpis_grasp_planner.quality.objective import Objective, worth
 
 Array = NDArray[np.float64]
 
@@ -60,14 +60,14 @@ def distinct(
     return chosen
 
 
-def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
+def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
     """Sort key of an answer's grasps, best first.
 
     Grasps that physics held come before untried ones, and those before grasps that failed. Within
     each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
     while it closes counts as less likely, and differences that a dozen trials cannot show are
     none. Then the likelier to hold under the pose's covariance by the contact model, then
-    :func:`worth`.
+    what the objective makes of it.
     """
     tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
     probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability
@@ -77,11 +77,11 @@ def answer_rank(grasp: Grasp, volume_weight: float) -> tuple[float, ...]:
         -float(tried),
         -float(round(probability / _RESOLUTION)),
         -(grasp.hold_probability or 0.0),
-        -worth(grasp, volume_weight),
+        -_worth(grasp, objective),
     )
 
 
-def worth(grasp: Grasp, volume_weight: float) -> float:
-    """Epsilon + lambda volume, times the `balance_factor` where the imbalance is known."""
-    value = grasp.epsilon + volume_weight * grasp.volume
-    return value if grasp.imbalance is None else value * float(balance_factor(grasp.imbalance))
+def _worth(grasp: Grasp, objective: Objective) -> float:
+    """What the objective makes of its figures, and the arm's worth."""
+    value = float(worth(objective, grasp.quality))
+    return value if grasp.arm is None else value + grasp.arm.worth

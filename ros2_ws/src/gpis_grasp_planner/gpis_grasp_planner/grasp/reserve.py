@@ -46,5 +46,8 @@ class Reserve:
             quality = grasp.recomputed_quality(
                 self.center_of_mass, self.torque_scale, self.cone_edges
             )
-            self._exact[index] = replace(grasp, epsilon=quality.epsilon, volume=quality.volume)
+            self._exact[index] = replace(
+                grasp,
+                quality=replace(grasp.quality, epsilon=quality.epsilon, volume=quality.volume),
+            )
         return self._exact[index]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gpis_grasp_planner.arm.constraint import ArmConstraint
+from gpis_grasp_planner.arm.description import load_arm
+from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constraint import Constraint
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.plan.request import PlanRequest
@@ -17,7 +20,11 @@ from gpis_grasp_planner.surroundings.support_constraint import SupportConstraint
 
 
 def make_constraints(
-    hand: HandDescription, request: PlanRequest, place: Place, settings: PlannerSettings
+    hand: HandDescription,
+    request: PlanRequest,
+    place: Place,
+    settings: PlannerSettings,
+    arm: ArmConstraint | None = None,
 ) -> tuple[Constraint, ...]:
     """Everything that the grasps of a plan must respect, the cheapest to ask first.
 
@@ -29,6 +36,8 @@ def make_constraints(
     place : Place
         Its surroundings, seen from the part.
     settings : PlannerSettings
+    arm : ArmConstraint, optional
+        Of the place where the part really lies (`arm_constraint`).
 
     Returns
     -------
@@ -50,4 +59,28 @@ def make_constraints(
     made += [
         RegionConstraint(hand, region, settings.clearance, retreat) for region in request.forbidden
     ]
+    if arm is not None:
+        made.append(arm)
     return tuple(made)
+
+
+def arm_constraint(
+    hand: HandDescription, part: Part, place: Place, settings: PlannerSettings
+) -> ArmConstraint | None:
+    """The arm of the settings before the part where it lies; None without an arm.
+
+    Raises
+    ------
+    RequestError
+        If there is no such arm, or the extra 'arm' is not installed.
+    """
+    if not settings.arm.model:
+        return None
+    return ArmConstraint(
+        load_arm(settings.arm.model),
+        hand,
+        part.working_mesh,
+        place,
+        settings.arm,
+        settings.scene.retreat_m,
+    )

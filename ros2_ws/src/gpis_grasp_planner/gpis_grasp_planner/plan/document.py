@@ -19,6 +19,7 @@ from gpis_grasp_planner import __version__
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.plan.document_reader import (
     SCHEMA,
@@ -108,6 +109,8 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
         "hand": result.hand,
         "joint_names": list(result.joint_names),
         "link_names": list(result.link_names),
+        "objective": result.objective,
+        "figures": [asdict(figure) for figure in result.figures],
         "planner": request.planner,
         "seed": request.seed,
         "time_budget_s": request.time_budget_s,
@@ -213,13 +216,26 @@ def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) 
         ],
         "epsilon": float(grasp.epsilon),
         "volume": float(grasp.volume),
+        "measured": {name: float(value) for name, value in grasp.quality.measured.items()},
         "hold_probability": grasp.hold_probability,
         "lift_direction": None if grasp.lift_direction is None else _numbers(grasp.lift_direction),
         "imbalance": grasp.imbalance,
         "hold_estimate": None if grasp.hold_estimate is None else asdict(grasp.hold_estimate),
+        "arm": None if grasp.arm is None else _arm(grasp.arm),
         "trials": None
         if grasp.trials is None
         else [asdict(outcome) for outcome in grasp.trials.outcomes],
+    }
+
+
+def _arm(motion: ArmMotion) -> dict[str, Any]:
+    return {
+        "model": motion.arm,
+        "joint_names": list(motion.joint_names),
+        "approach": [_numbers(joints) for joints in motion.approach],
+        "lift": [_numbers(joints) for joints in motion.lift],
+        "manipulability": float(motion.manipulability),
+        "worth": float(motion.worth),
     }
 
 

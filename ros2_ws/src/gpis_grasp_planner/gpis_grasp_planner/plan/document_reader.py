@@ -9,21 +9,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, RequestError
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
+from gpis_grasp_planner.grasp.arm_motion import ArmMotion
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import ALWAYS, Figure, Quality
 from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
 from gpis_grasp_planner.surroundings.forbidden_region import read_regions
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
@@ -38,18 +41,26 @@ _FIELDS = frozenset(
         "cone_edges", "contact_threshold", "friction", "hand", "joint_names", "link_names",
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
         "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
-        "best_attempt", "approach", "forbidden", "phase_s", "funnel",
+        "best_attempt", "approach", "forbidden", "phase_s", "funnel", "objective", "figures",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
 # What earlier programs did not write.
-_LATER: dict[str, Any] = {"approach": None, "forbidden": [], "phase_s": {}, "funnel": []}
-_LATER_OF_GRASPS: dict[str, Any] = {"imbalance": None, "hold_estimate": None}
+_LATER: dict[str, Any] = {
+    "approach": None, "forbidden": [], "phase_s": {}, "funnel": [], "objective": "",
+    "figures": [asdict(figure) for figure in ALWAYS],
+}  # fmt: skip
+_LATER_OF_GRASPS: dict[str, Any] = {
+    "imbalance": None,
+    "hold_estimate": None,
+    "measured": {},
+    "arm": None,
+}
 _LATER_OF_TRIALS: dict[str, Any] = {"closing_slip_m": 0.0, "closing_rotation_rad": 0.0}
 _GRASP_FIELDS = frozenset(
     (
         "palm_pose", "joint_names", "joint_positions", "pregrasp_joint_positions",
         "approach_direction", "approach_distance", "contacts", "epsilon", "volume", "trials",
-        "hold_probability", "lift_direction", "imbalance", "hold_estimate",
+        "hold_probability", "lift_direction", "imbalance", "hold_estimate", "measured", "arm",
     )
 )  # fmt: skip
 
@@ -125,8 +136,14 @@ def result_from_dict(
         raise root["mesh_hash"].fail("a SHA-256 as 64 hexadecimal digits")
     joint_names, link_names = root["joint_names"].texts(), root["link_names"].texts()
 
+    figures = tuple(_figure(node) for node in root["figures"].list())
+    known = {figure.name for figure in figures}
+
     def read_grasp(node: Node) -> Grasp:
-        return _grasp(node, joint_names, link_names)
+        grasp = _grasp(node, joint_names, link_names)
+        if unknown := sorted(set(grasp.quality.measured) - known):
+            raise node.fail(f"of figures that the document's 'figures' name, not {unknown}")
+        return grasp
 
     result = PlanResult(
         code=code,
@@ -153,6 +170,8 @@ def result_from_dict(
         place=root["place"].optional(_place),
         phase_s={phase: spent.number(low=0.0) for phase, spent in _named(root["phase_s"]).items()},
         funnel=_funnel(root["funnel"]),
+        objective=root["objective"].text(),
+        figures=figures,
     )
     return result, root["mesh_source"].optional(_mesh_source)
 
@@ -250,6 +269,17 @@ def _funnel(node: Node) -> Funnel:
         raise node.fail(f"the table of a funnel ({error})") from None
 
 
+def _figure(node: Node) -> Figure:
+    figure = node.object(frozenset(field.name for field in fields(Figure)))
+    return Figure(
+        figure["name"].text(),
+        figure["unit"].text(),
+        figure["larger_is_better"].boolean(),
+        figure["description"].text(),
+        figure["source"].text(),
+    )
+
+
 def _improvement(node: Node) -> tuple[float, int, float]:
     entry = node.object(frozenset({"elapsed_s", "n_evaluations", "best_epsilon"}))
     return (
@@ -272,15 +302,41 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         joints=grasp["joint_positions"].vector(n),
         pregrasp_joints=grasp["pregrasp_joint_positions"].vector(n),
         contacts=_contacts(grasp["contacts"], link_names),
-        epsilon=grasp["epsilon"].number(low=-1.0),
-        volume=grasp["volume"].number(low=0.0),
+        quality=Quality(
+            grasp["epsilon"].number(low=-1.0),
+            grasp["volume"].number(low=0.0),
+            grasp["imbalance"].optional(lambda node: node.number(low=0.0)),
+            {name: value.number() for name, value in _named(grasp["measured"]).items()},
+        ),
         approach_direction=grasp["approach_direction"].unit_vector(3),
         approach_distance=grasp["approach_distance"].number(low=0.0),
         trials=grasp["trials"].optional(_trials),
         hold_probability=grasp["hold_probability"].optional(lambda node: node.number(0.0, 1.0)),
         lift_direction=grasp["lift_direction"].optional(lambda node: node.unit_vector(3)),
-        imbalance=grasp["imbalance"].optional(lambda node: node.number(low=0.0)),
         hold_estimate=grasp["hold_estimate"].optional(_hold_estimate),
+        arm=grasp["arm"].optional(_arm),
+    )
+
+
+def _arm(node: Node) -> ArmMotion:
+    arm = node.object(
+        frozenset({"model", "joint_names", "approach", "lift", "manipulability", "worth"})
+    )
+    names = arm["joint_names"].texts()
+
+    def way(field: Node) -> NDArray[np.float64]:
+        joints = [entry.vector(len(names)) for entry in field.list()]
+        if not joints:
+            raise field.fail("at least one vector of the arm's joints")
+        return np.array(joints)
+
+    return ArmMotion(
+        arm["model"].text(),
+        names,
+        way(arm["approach"]),
+        way(arm["lift"]),
+        arm["manipulability"].number(0.0, 1.0),
+        arm["worth"].number(low=0.0),
     )
 
 

@@ -85,7 +85,7 @@ class Finisher:
         Returns
         -------
         list of Grasp
-            By exact epsilon + lambda volume.
+            By the objective of their exact figures.
         """
         done = [finished.grasp for finished in self._added]
         for candidate in self.context.archive.best(int(np.ceil(_SPARE * n))):
@@ -99,8 +99,7 @@ class Finisher:
             finished = self._known[key]
             if finished is not None:
                 done.append(finished.grasp)
-        weight = self.context.settings.hpp.volume_weight
-        done.sort(key=lambda grasp: answer_rank(grasp, weight))
+        done.sort(key=lambda grasp: answer_rank(grasp, self.context.objective))
         if not self._added:
             return done[:n]  # the archive's best are distinct
         T = np.stack([grasp.T_object_palm for grasp in done])

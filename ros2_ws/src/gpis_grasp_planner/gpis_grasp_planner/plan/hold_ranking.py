@@ -12,6 +12,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest
@@ -104,6 +105,6 @@ class HoldRanking:
                 f"The time budget ended after the hold probability of {len(known)} of "
                 f"{len(grasps)} grasps.",
             )
-        weight = self.settings.hpp.volume_weight
+        objective = make_objective(self.settings)
         every = [*known, *grasps[len(known) :]]
-        return sorted(every, key=lambda grasp: answer_rank(grasp, weight)), notes
+        return sorted(every, key=lambda grasp: answer_rank(grasp, objective)), notes

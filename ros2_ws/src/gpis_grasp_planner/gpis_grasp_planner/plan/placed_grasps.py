@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from gpis_grasp_planner.arm.constraint import ArmConstraint
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.constraint import ClosedHands, Constraint
 from gpis_grasp_planner.grasp.grasp import Grasp
@@ -39,7 +40,9 @@ class GraspPlacing:
     tree : TriangleTree
         Of the part.
     forbidding : tuple of Constraint
-        What the request forbids beside the surroundings: directions, regions of the part.
+        What the request forbids beside the surroundings: directions, regions of the part; the arm.
+    arm : ArmConstraint or None
+        The one of `forbidding`, which knows its ways.
     """
 
     hand: HandDescription
@@ -47,6 +50,7 @@ class GraspPlacing:
     settings: ClearanceSettings
     tree: TriangleTree
     forbidding: tuple[Constraint, ...] = ()
+    arm: ArmConstraint | None = None
 
     @property
     def constrained(self) -> bool:
@@ -86,7 +90,8 @@ class GraspPlacing:
         self._narrow(kept, clearances, list(range(len(kept))))
         support = self.around.support
         lift = None if support is None else support.normal
-        return [replace(grasp, lift_direction=lift) for grasp in kept], clearances
+        kept = [replace(grasp, lift_direction=lift) for grasp in kept]
+        return kept if self.arm is None else self.arm.carried(kept), clearances
 
     def _narrow(self, grasps: list[Grasp], found: list[Clearance], rows: Sequence[int]) -> None:
         """Narrow the pre-grasps of some grasps where that is clear, in place."""

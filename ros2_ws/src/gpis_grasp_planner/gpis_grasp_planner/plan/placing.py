@@ -16,18 +16,19 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.measured import with_figures
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, causes_text, found_text
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.objective import measures_of, objective_of
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.surroundings.clearance import Clearance
-from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
-from gpis_grasp_planner.surroundings.similarity import same_surroundings
+from gpis_grasp_planner.surroundings.similarity import same_place
 
 _SPARE = 1.25
 
@@ -135,7 +136,7 @@ def place_known(
         None if support is None else support.normal,
     )
     finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
-    same = _same_place(known, placing.around, part.max_radius) and _same_wishes(known, request)
+    same = _same_place(known, place, part.max_radius) and _same_wishes(known, request)
     return KnownAnswer(answer, finished, same)
 
 
@@ -149,11 +150,11 @@ def _wishes(request: PlanRequest) -> tuple[object, ...]:
     return cone, tuple(str(region.as_mapping()) for region in request.forbidden)
 
 
-def _same_place(known: PlanResult, around: Surroundings, radius: float) -> bool:
+def _same_place(known: PlanResult, place: Place, radius: float) -> bool:
     if known.place is None:
-        return not around
-    earlier = Place.from_mapping(known.place, lambda _: STAND_IN).around()
-    return same_surroundings(earlier, around, radius)
+        return not place.around() and place.T_world_arm is None
+    earlier = Place.from_mapping(known.place, lambda _: STAND_IN)
+    return same_place(earlier, place, radius)
 
 
 def _spare(known: PlanResult, request: PlanRequest) -> list[int]:
@@ -180,8 +181,10 @@ def _best(
     clear = [i for i, clearance in enumerate(found) if clearance.clear]
     if not clear:
         return []
-    weight = known.volume_weight
-    order = np.array(sorted(range(len(clear)), key=lambda k: answer_rank(kept[clear[k]], weight)))
+    objective, measures = objective_of(known), measures_of(known)
+    order = np.array(
+        sorted(range(len(clear)), key=lambda k: answer_rank(kept[clear[k]], objective))
+    )
     T = np.stack([kept[i].T_object_palm for i in clear])
     wanted = int(np.ceil(_SPARE * n))
     first = distinct(T, order, known.torque_scale, wanted)
@@ -193,10 +196,17 @@ def _best(
         grasp = kept[i]
         if i >= len(known.grasps):
             exact = known.reserve.exact(spare[i - len(known.grasps)])
-            grasp = replace(grasp, epsilon=exact.epsilon, volume=exact.volume)
+            quality = replace(grasp.quality, epsilon=exact.epsilon, volume=exact.volume)
+            grasp = with_figures(
+                replace(grasp, quality=quality),
+                measures,
+                known.center_of_mass,
+                known.torque_scale,
+                known.cone_edges,
+            )
         if grasp.feasible:
             chosen.append((grasp, found[i]))
-    chosen.sort(key=lambda pair: answer_rank(pair[0], weight))
+    chosen.sort(key=lambda pair: answer_rank(pair[0], objective))
     return chosen[:n]
 
 

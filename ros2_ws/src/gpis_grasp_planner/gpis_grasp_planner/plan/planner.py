@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan.answer import Answer
-from gpis_grasp_planner.plan.constraints import make_constraints
+from gpis_grasp_planner.plan.constraints import arm_constraint, make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -114,12 +116,14 @@ class GraspPlanner:
             CANCELLED or DEADLINE_EXCEEDED while the part was prepared.
         """
         check_planner(request.planner)
-        place = place or Place()
+        place = self.placed(place)
         if monitor is None:
             make_ready(request.planner)  # where nothing is compiled yet: once, before the clock
             monitor = Monitor(request.time_budget_s)
         constrained = place.surroundings or request.approach or request.forbidden
-        if constrained and self.settings.scene.search_evaluator == "bullet":
+        if (
+            constrained or place.T_world_arm is not None
+        ) and self.settings.scene.search_evaluator == "bullet":
             raise RequestError(
                 "The search in PyBullet (scene.search_evaluator is 'bullet') knows no "
                 "constraints; set it to 'compiled'."
@@ -149,21 +153,31 @@ class GraspPlanner:
     ) -> KnownAnswer:
         """Answer from an earlier plan alone, without a search; see `plan.placing.place_known`."""
         monitor = monitor or Monitor(request.time_budget_s)
+        place = self.placed(place)
         check_support(part, place, self.settings.clearance)
         prepared = self.prepare(part, monitor)
         placing, hold = self._placing(part, prepared, request, place)
         return place_known(known, part, place, request, placing, hold, monitor)
 
+    def placed(self, place: Place | None) -> Place:
+        """The place as this planner takes it: before the arm of its settings, if there is one."""
+        place = place or Place()
+        if not self.settings.arm.model:
+            return replace(place, T_world_arm=None)
+        return place if place.T_world_arm is not None else replace(place, T_world_arm=np.eye(4))
+
     def _placing(
         self, part: Part, prepared: PreparedObject, request: PlanRequest, place: Place
     ) -> tuple[GraspPlacing, HoldRanking]:
+        arm = arm_constraint(self.hand, part, place, self.settings)
         elsewhere = replace(place, surroundings=Surroundings())
         placing = GraspPlacing(
             self.hand,
             place.around(),
             self.settings.clearance,
             prepared.tree,
-            make_constraints(self.hand, request, elsewhere, self.settings),
+            make_constraints(self.hand, request, elsewhere, self.settings, arm),
+            arm,
         )
         hold = HoldRanking(part, self.hand, self.settings, prepared, place.covariance, request)
         return placing, hold

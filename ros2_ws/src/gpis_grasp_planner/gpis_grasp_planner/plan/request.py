@@ -16,6 +16,7 @@ from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
+from gpis_grasp_planner.quality.figures import ALWAYS, Figure
 from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
 from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
 
@@ -136,6 +137,10 @@ class PlanResult:
     place : mapping or None
         The place that the answer is for, in the form of `surroundings.place.Place`; None for a
         plan in free space.
+    objective : str
+        What the search maximised, as a formula.
+    figures : tuple of Figure
+        What the figures of the grasps' qualities mean.
     phase_s : mapping of phase to seconds
         How long each phase of the request took (`plan.progress.Phase`).
     funnel : Funnel
@@ -169,13 +174,10 @@ class PlanResult:
     reserve: Reserve = field(default_factory=Reserve)
     phase_s: Mapping[str, float] = field(default_factory=dict)
     funnel: Funnel = field(default_factory=Funnel)
+    objective: str = ""
+    figures: tuple[Figure, ...] = ALWAYS
 
     @property
     def success(self) -> bool:
         """Whether the answer is complete: code SUCCESS."""
         return self.code == ErrorCode.SUCCESS
-
-    @property
-    def volume_weight(self) -> float:
-        """Lambda of the objective that the grasps are ranked by."""
-        return float(self.settings["hpp"]["volume_weight"])

@@ -10,6 +10,7 @@ from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.quality.figures import ALWAYS, named
 from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.surroundings.place import Place
 
@@ -60,5 +61,7 @@ def make_result(
         place=place.as_mapping() if place else None,
         reserve=reserve,
         funnel=funnel,
+        objective=context.objective.text,
+        figures=tuple(named([*ALWAYS, *(m.figure for m in context.reported)]).values()),
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
     )

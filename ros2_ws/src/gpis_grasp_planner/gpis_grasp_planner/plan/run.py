@@ -16,6 +16,7 @@ from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
 from gpis_grasp_planner.grasp.funnel import Funnel, Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.measured import with_measures
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
@@ -25,6 +26,7 @@ from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
 from gpis_grasp_planner.plan.hand_limits import HandLimit, limit_of
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.kept_cover import KeptCover
+from gpis_grasp_planner.plan.objective import make_objective, reported_measures
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
@@ -91,9 +93,10 @@ class PlanRun:
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
         self._scene: BulletEvaluator | None = None
-        self._constraints = make_constraints(self.hand, request, place, settings)
+        self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
+        self._objective = make_objective(settings)
         self._evaluator, self._tally = self._make_evaluator()
-        self._archive = GraspArchive(part.max_radius, settings.hpp.volume_weight)
+        self._archive = GraspArchive(part.max_radius, self._objective)
         self._context = PlanningContext(
             part=part,
             hand=self.hand,
@@ -103,6 +106,7 @@ class PlanRun:
             settings=settings.search.with_spread_up_to(self.hand.spread_upper),
             rng=np.random.default_rng(request.seed),
             constraints=self._constraints,
+            reported=reported_measures(settings),
         )
         self._search = make_search(request.planner, self._context)
         self._finisher = Finisher(self._context, placing, self._confirm, monitor.now, self._tally)
@@ -188,7 +192,8 @@ class PlanRun:
             CompiledEvaluator(*arguments), self.hand, self._constraints, scene.retreat_m
         )
         balanced = with_balance(constrained, self.hand, self.part, self.settings)
-        return balanced, constrained.tally
+        measured = with_measures(balanced, self._objective.measures, self.part, scene.cone_edges)
+        return measured, constrained.tally
 
     def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
         """Which grasps PyBullet's scene agrees with."""
@@ -295,8 +300,8 @@ class PlanRun:
 
     def _tell_of(self, trials: RunningTrials) -> None:
         """Report how many grasps were tried, and the best of those that held."""
-        weight, held = self.settings.hpp.volume_weight, trials.held
-        best = min(held, key=lambda grasp: answer_rank(grasp, weight)) if held else None
+        held, objective = trials.held, self._objective
+        best = min(held, key=lambda grasp: answer_rank(grasp, objective)) if held else None
         self.monitor.update(n_tried=trials.n_tried, n_held=len(held), best_held=best)
 
     def _answer_of(self, grasps: tuple[Grasp, ...], deadline: float | None) -> Answer:
@@ -360,7 +365,7 @@ class PlanRun:
             self._finisher.finished(),
             self._trials,
             self.part.max_radius,
-            self.settings.hpp.volume_weight,
+            self._objective,
         )
 
     def _verdict(

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from gpis_grasp_planner.arm.settings import ArmSettings
 from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.plan.store_settings import StoreSettings
+from gpis_grasp_planner.quality.settings import ObjectiveSettings
 from gpis_grasp_planner.search.settings import (
     AdaptionSettings,
     AdmmCpSettings,
@@ -32,6 +34,7 @@ class PlannerSettings:
     """The groups; a setting's full name is ``group.name``, as in the ROS parameters."""
 
     hand: HandSettings = field(default_factory=HandSettings)
+    arm: ArmSettings = field(default_factory=ArmSettings)
     scene: SceneSettings = field(default_factory=SceneSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     adaption: AdaptionSettings = field(default_factory=AdaptionSettings)
@@ -42,6 +45,7 @@ class PlannerSettings:
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
+    objective: ObjectiveSettings = field(default_factory=ObjectiveSettings)
     uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
     cache: CacheSettings = field(default_factory=CacheSettings)
     store: StoreSettings = field(default_factory=StoreSettings)

@@ -11,6 +11,7 @@ import numpy as np
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
+from gpis_grasp_planner.quality.objective import Objective
 from gpis_grasp_planner.verification.running_trials import RunningTrials
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -47,7 +48,7 @@ class TriedGrasps:
         grasps: Sequence[Grasp],
         trials: RunningTrials,
         max_radius: float,
-        volume_weight: float,
+        objective: Objective,
     ) -> TriedGrasps:
         """Rank finished grasps, and keep of each neighbourhood the first.
 
@@ -57,11 +58,10 @@ class TriedGrasps:
         trials : RunningTrials
         max_radius : float [m]
             Scale of the distance rule.
-        volume_weight : float
-            Lambda of the ranking.
+        objective : Objective
         """
         tried = [trials.with_trials(grasp) for grasp in grasps]
-        tried.sort(key=lambda grasp: answer_rank(grasp, volume_weight))
+        tried.sort(key=lambda grasp: answer_rank(grasp, objective))
         if not tried:
             return cls((), trials.n_lost)
         T = np.stack([grasp.T_object_palm for grasp in tried])

@@ -31,6 +31,7 @@ from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.plan.closing_balance import with_balance
+from gpis_grasp_planner.plan.objective import make_objective, reported_measures
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -127,9 +128,10 @@ def warm_up(
             hand=hand,
             evaluator=evaluator,
             atlas=atlas,
-            archive=GraspArchive(part.max_radius, settings.hpp.volume_weight),
+            archive=GraspArchive(part.max_radius, make_objective(settings)),
             settings=settings.search,
             rng=np.random.default_rng(0),
+            reported=reported_measures(settings),
         )
         search = make_search(name, context)
         search.step()  # compiles

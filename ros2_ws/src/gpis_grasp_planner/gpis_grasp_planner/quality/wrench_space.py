@@ -13,30 +13,15 @@ force closure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.quality.contacts import Contacts
+from gpis_grasp_planner.quality.figures import NO_FORCE_CLOSURE, Quality
 
 Array = NDArray[np.float64]
 
-NO_FORCE_CLOSURE = -1.0
 _FLAT = 1e-9  # singular value under which wrenches do not span a direction
-
-
-@dataclass(frozen=True)
-class Quality:
-    """Epsilon (-1 without force closure) and volume of a grasp wrench space."""
-
-    epsilon: float
-    volume: float
-
-    @property
-    def force_closure(self) -> bool:
-        """Whether the origin is strictly inside the wrench space."""
-        return self.epsilon > 0.0
 
 
 def tangents(normals: Array) -> tuple[Array, Array]:

@@ -27,9 +27,8 @@ from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.request_guard import ObjectPose, check_request
-from gpis_grasp_planner.ros.scene_defaults import pose_of_text
 from gpis_grasp_planner.ros.scene_source import SceneSource, Transform
-from gpis_grasp_planner.ros.settings import NO_FLANGE, NodeSettings
+from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 
 
@@ -142,10 +141,7 @@ class GraspAnswering:
             approach=approach_of(request, pose, self._transform),
             forbidden=forbidden_of(request),
         )
-        flange = self._settings().palm_flange_pose
-        T_palm_flange = None
-        if flange != NO_FLANGE:
-            T_palm_flange = pose_of_text(flange, "palm_flange_pose")
+        T_palm_flange = self._scenes.palm_flange()
         version = MeshVersion(request.mesh_id)
         call.show = lambda grasp: grasp_message(grasp, version, shown, self._hand, T_palm_flange)
         ask = self._plans.known if only_known else self._plans.plan

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -183,6 +184,7 @@ def _grasp_message(
         epsilon=float(grasp.epsilon),
         volume=float(grasp.volume),
         verification=verification_message(grasp.trials, grasp.hold_estimate),
+        **_arm_fields(header, grasp),
         contacts=[
             ContactMessage(
                 link=hand.link_names[link],
@@ -199,6 +201,18 @@ def _grasp_message(
             )
         ],
     )
+
+
+def _arm_fields(header: Header, grasp: Grasp) -> dict[str, Any]:
+    """The arm's joints; none without an arm."""
+    if (arm := grasp.arm) is None:
+        return {}
+    return {
+        "arm_pre_grasp": joint_state_message(header, arm.joint_names, arm.pregrasp),
+        "arm_grasp": joint_state_message(header, arm.joint_names, arm.grasp),
+        "arm_lifted": joint_state_message(header, arm.joint_names, arm.lifted),
+        "arm_manipulability": float(arm.manipulability),
+    }
 
 
 def feedback_message(call: Call) -> PlanGrasp.Feedback:

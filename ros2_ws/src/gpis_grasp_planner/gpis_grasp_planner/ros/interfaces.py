@@ -70,6 +70,7 @@ class Interfaces:
             plans.check_mesh_id,
             parameters.uses_covariance,
             frames.transform,
+            parameters.arm_model,
         )
         self.answering = GraspAnswering(
             node.get_logger(),

@@ -17,6 +17,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from gpis_grasp_planner.arm.settings import ArmSettings
 from gpis_grasp_planner.errors import GraspPlannerError, RequestError
 from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.ros.parameter_groups import parameter_groups, parameter_infos
@@ -92,6 +93,12 @@ class NodeParameters:
         group = self._groups["uncertainty"]
         assert isinstance(group, UncertaintySettings)
         return group.method != "none"
+
+    def arm_model(self) -> str:
+        """Name or file of the arm at this moment; empty without one."""
+        group = self._groups["arm"]
+        assert isinstance(group, ArmSettings)
+        return group.model
 
     def _refuse_unknown(self) -> None:
         # rclpy ignores an override of an undeclared parameter without a word: a slip of the pen

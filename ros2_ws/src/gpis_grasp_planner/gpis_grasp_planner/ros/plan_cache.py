@@ -12,9 +12,8 @@ from dataclasses import asdict
 from typing import Any
 
 from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
-from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
-from gpis_grasp_planner.surroundings.similarity import same_surroundings
+from gpis_grasp_planner.surroundings.similarity import same_place
 
 # About a part's origin: supports are compared as far as a hand may reach beside it.
 _RADIUS_M = 0.2
@@ -81,33 +80,31 @@ class PlanCache:
         place : Place, optional
             None for free space.
         """
-        around = Place().around() if place is None else place.around()
+        place = Place() if place is None else place
         with self._lock:
             names = [name for name in reversed(self._plans) if name[0] == key]
             if not names:
                 return None
-            same = [name for name in names if _made_for(self._plans[name], around)]
+            same = [name for name in names if _made_for(self._plans[name], place)]
             name = (same or names)[0]
             self._plans.move_to_end(name)
             return self._plans[name]
 
     def put(self, key: str, plan: Plan) -> None:
         """Keep a plan in place of one for the same surroundings; drop the oldest beyond `size`."""
-        around = _around(plan)
+        place = _place(plan)
         with self._lock:
             for name in [name for name in self._plans if name[0] == key]:
-                if _made_for(self._plans[name], around):
+                if _made_for(self._plans[name], place):
                     del self._plans[name]
             self._plans[key, next(self._numbers)] = plan
             while len(self._plans) > self.size:
                 self._plans.popitem(last=False)
 
 
-def _made_for(plan: Plan, around: Surroundings) -> bool:
-    return same_surroundings(_around(plan), around, _RADIUS_M)
+def _made_for(plan: Plan, place: Place) -> bool:
+    return same_place(_place(plan), place, _RADIUS_M)
 
 
-def _around(plan: Plan) -> Surroundings:
-    if plan.place is None:
-        return Surroundings()
-    return Place.from_mapping(plan.place, lambda _: STAND_IN).around()
+def _place(plan: Plan) -> Place:
+    return Place() if plan.place is None else Place.from_mapping(plan.place, lambda _: STAND_IN)

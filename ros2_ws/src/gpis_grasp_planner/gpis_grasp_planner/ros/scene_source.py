@@ -10,13 +10,14 @@ from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 
 from gpis_grasp_msgs.msg import Obstacle
+from gpis_grasp_planner.arm.description import load_arm
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.geometry.transforms import inverse, to_position_quat_xyzw
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.scene_defaults import obstacles_of, pose_of_text, read_far_position
-from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.settings import NO_FLANGE, NodeSettings
 from gpis_grasp_planner.ros.text import printable
 from gpis_grasp_planner.surroundings.covariance import covariance_in_object
 from gpis_grasp_planner.surroundings.obstacles import Surroundings, read_pose
@@ -57,6 +58,8 @@ class SceneSource:
     transform : callable
         Takes a target frame, a source frame and a time [ns]; returns T_target_source (4, 4), or
         raises PoseError.
+    arm_model : callable
+        Name or file of the arm at the moment of the call; places have its frame then.
     """
 
     def __init__(
@@ -65,11 +68,13 @@ class SceneSource:
         check_mesh_id: Callable[[str], None],
         uses_covariance: Callable[[], bool] = lambda: True,
         transform: Transform = _no_transform,
+        arm_model: Callable[[], str] = str,
     ) -> None:
         self._settings = settings
         self._uses_covariance = uses_covariance
         self._check_mesh_id = check_mesh_id
         self._transform = transform
+        self._arm_model = arm_model
 
     def place(self, request: GraspRequest, pose: ObjectPose) -> Place:
         """The place of a part at a checked pose.
@@ -107,7 +112,42 @@ class SceneSource:
             data["obstacles"] = obstacles
         if pose.covariance is not None and self._uses_covariance():
             covariance = covariance_in_object(pose.covariance, T[:3, :3])
-        return Place(T, Surroundings.from_mapping(data, self._stand_in), covariance)
+        T_pose_arm = None
+        if self._arm_model():
+            T_pose_arm = self._arm_in(pose)
+            T_pose_arm[:3, 3] -= origin
+        around = Surroundings.from_mapping(data, self._stand_in)
+        return Place(T, around, covariance, T_pose_arm)
+
+    def palm_flange(self) -> Array | None:
+        """The flange (4, 4) in the palm's frame: the arm's, or the parameter; None without either.
+
+        Raises
+        ------
+        RequestError
+            INVALID_SCENE, where the two contradict each other.
+        """
+        text, model = self._settings().palm_flange_pose, self._arm_model()
+        given = None if text == NO_FLANGE else pose_of_text(text, "palm_flange_pose")
+        if not model:
+            return given
+        of_arm = inverse(load_arm(model).T_flange_palm)
+        if given is not None and not np.allclose(given, of_arm, atol=1e-6):
+            raise _invalid(
+                f"palm_flange_pose is '{text}', and the arm's file ({model}) has another flange. "
+                "Leave palm_flange_pose at its default: with an arm its file says it."
+            )
+        return of_arm
+
+    def _arm_in(self, pose: ObjectPose) -> Array:
+        """The arm's frame (4, 4) in that of the part's pose."""
+        frame_id = self._settings().arm_frame
+        if not frame_id:
+            raise _invalid(
+                "An arm is set (arm.model), and arm_frame is empty. Set it to the frame in which "
+                "the arm's file gives the pose of its base."
+            )
+        return np.array(self._into(pose, frame_id, "the parameter arm_frame"))
 
     def _support(self, message: PoseStamped, pose: ObjectPose) -> Array | None:
         """Pose (4, 4) of the support plane in the frame of the part's pose."""

@@ -216,6 +216,10 @@ class NodeSettings(SettingsGroup):
         description="Pose of the robot's flange in the palm's frame, x y z qx qy qz qw: "
         "flange_pose of a grasp is where that flange has to be.",
     )
+    arm_frame: str = setting(
+        "",
+        description="Frame in which the arm's file (arm.model) gives the pose of its base.",
+    )
     support_frame: str = setting(
         "",
         description="Frame of the default support plane; empty: the node assumes no support.",
@@ -267,7 +271,7 @@ class NodeSettings(SettingsGroup):
         Surroundings.from_mapping(
             {"obstacles": [near_origin(entry) for entry in listed]}, lambda _mesh_id: STAND_IN
         )
-        for name in ("support_frame", "obstacles_frame", "object_parent_frame"):
+        for name in ("arm_frame", "support_frame", "obstacles_frame", "object_parent_frame"):
             frame = getattr(self, name)
             if frame and FRAME_PATTERN.fullmatch(frame) is None:
                 raise RequestError(

@@ -25,7 +25,8 @@ from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.quality.contacts import Contacts
-from gpis_grasp_planner.quality.wrench_space import Quality, grasp_quality
+from gpis_grasp_planner.quality.figures import Quality
+from gpis_grasp_planner.quality.wrench_space import grasp_quality
 from gpis_grasp_planner.scene.bullet_closing import BulletClosing
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 from gpis_grasp_planner.scene.confirmation import Confirmation

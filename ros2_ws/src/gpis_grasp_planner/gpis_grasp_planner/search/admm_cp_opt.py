@@ -45,8 +45,10 @@ from gpis_grasp_planner.optimise.bayesian_subproblem import BayesianSubproblem, 
 from gpis_grasp_planner.optimise.domain import BoxDomain
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon, start_directions
+from gpis_grasp_planner.quality.figures import Quality
+from gpis_grasp_planner.quality.measure import HeldPart
+from gpis_grasp_planner.quality.measures import measured
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
-from gpis_grasp_planner.quality.wrench_space import contact_wrenches
 from gpis_grasp_planner.search.context import PlanningContext, posture_evaluator
 
 Array = NDArray[np.float64]
@@ -131,7 +133,9 @@ class ContactPointOptimiser:
     def quality(self, T_object_palm: Array, scaled_motors: Array) -> Array:
         """f_obj (B,) of scaled motors (B, m): quality of the nearest points taken as contacts."""
         postures = self._postures(T_object_palm, scaled_motors)
-        return np.array([self._posture_quality(postures, b) for b in range(len(scaled_motors))])
+        return np.array(
+            [self._posture_quality(T_object_palm, postures, b) for b in range(len(scaled_motors))]
+        )
 
     def penalty(self, T_object_palm: Array, scaled_motors: Array) -> Array:
         """g_c (B,) of scaled motors (B, m)."""
@@ -193,7 +197,7 @@ class ContactPointOptimiser:
         n = len(motors)
         return self._evaluator.postures(np.broadcast_to(T, (n, 4, 4)), motors)
 
-    def _posture_quality(self, postures: Postures, b: int) -> float:
+    def _posture_quality(self, T: Array, postures: Postures, b: int) -> float:
         c = self._context
         candidates = postures.points[b, :, 0]
         inner = postures.points[b, :, 1:][postures.inner_touches[b]]
@@ -214,12 +218,19 @@ class ContactPointOptimiser:
             np.full(len(normals), c.evaluator.friction.finger),
             np.zeros(len(normals), dtype=np.intp),
         )
-        W = contact_wrenches(
-            contacts, c.part.center_of_mass, c.max_radius, c.settings.scene.cone_edges
+        held = HeldPart(
+            contacts,
+            c.part.center_of_mass,
+            c.max_radius,
+            c.settings.scene.cone_edges,
+            T,
+            postures.joints[b],
         )
-        epsilon = max(fast_epsilon(W, _DIRECTIONS, _STARTS), 0.0)
-        weight = c.settings.hpp.volume_weight
-        return float(epsilon + weight * volume_estimate(W, len(contacts)))
+        W = held.wrenches
+        epsilon = float(fast_epsilon(W, _DIRECTIONS, _STARTS))
+        figures = measured(held, c.objective.measures) if epsilon > 0.0 else {}
+        quality = Quality(epsilon, float(volume_estimate(W, len(contacts))), None, figures)
+        return float(c.objective.value(quality))
 
     def _shifted(self, T: Array) -> Array:
         """The palm moved on the chart through it, which is parallel to the surface's chart."""

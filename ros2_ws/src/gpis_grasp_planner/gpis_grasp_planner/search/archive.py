@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
 from gpis_grasp_planner.grasp.order import DISTINCT, are_near, distinct
+from gpis_grasp_planner.quality.objective import Objective
 
 Array = NDArray[np.float64]
 
@@ -45,14 +46,13 @@ class GraspArchive:
     ----------
     max_radius : float [m]
         Scale of the distance rule.
-    volume_weight : float
-        Lambda of the objective.
+    objective : Objective
     capacity : int
     """
 
-    def __init__(self, max_radius: float, volume_weight: float, capacity: int = 160):
+    def __init__(self, max_radius: float, objective: Objective, capacity: int = 160):
         self.max_radius = max_radius
-        self.volume_weight = volume_weight
+        self.objective = objective
         self.capacity = capacity
         self._candidates: list[Candidate] = []
         self.best_attempt: Candidate | None = None
@@ -70,7 +70,7 @@ class GraspArchive:
     def add(self, attempts: Attempts) -> None:
         """Take the force-closure grasps among attempts; remember the best of the others."""
         self._list = None
-        objective = attempts.objective(self.volume_weight)
+        objective = attempts.objective(self.objective)
         grasped = attempts.status == AttemptStatus.GRASPED
         for i in np.flatnonzero(grasped & (attempts.epsilon > 0.0)):
             self._candidates.append(Candidate(attempts, int(i), float(objective[i])))

@@ -13,6 +13,8 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constraint import Constraint
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator, PostureEvaluator
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.quality.measure import Measure
+from gpis_grasp_planner.quality.objective import Objective
 from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.settings import SearchSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
@@ -24,6 +26,7 @@ class PlanningContext:
 
     `archive` takes every attempt a search makes; the answer is chosen from it. `rng` is the only
     source of randomness. `constraints` are what grasps must respect; the evaluator knows them too.
+    `reported` are the measures whose figures a finished grasp has.
     """
 
     part: Part
@@ -34,6 +37,12 @@ class PlanningContext:
     settings: SearchSettings
     rng: np.random.Generator
     constraints: tuple[Constraint, ...] = ()
+    reported: tuple[Measure, ...] = ()
+
+    @property
+    def objective(self) -> Objective:
+        """What the search maximises: that of the archive."""
+        return self.archive.objective
 
     @property
     def max_radius(self) -> float:

@@ -38,7 +38,7 @@ class DualOptimiser:
 
     def __init__(self, context: PlanningContext):
         self._evaluator = context.evaluator
-        self._weight = context.archive.volume_weight
+        self._objective = context.objective
         self._share = context.settings.dual.second_stage_share
         self._batch = context.settings.hpp.batch
         self._settings = context.settings.contacts
@@ -85,7 +85,7 @@ class DualOptimiser:
             spent = self._evaluator.n_attempts - before
         self._second.consider(attempts)
         self._tried[kind] += spent
-        self._worth[kind] += float((attempts.objective(self._weight) ** _FOR_THE_BEST).sum())
+        self._worth[kind] += float((attempts.objective(self._objective) ** _FOR_THE_BEST).sum())
 
     @property
     def _contact_share(self) -> float:

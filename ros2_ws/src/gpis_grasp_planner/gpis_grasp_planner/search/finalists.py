@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.measured import with_figures
 from gpis_grasp_planner.grasp.open_hand import pregrasp_of
 from gpis_grasp_planner.grasp.order import DISTINCT, answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.quality.wrench_space import grasp_quality
 from gpis_grasp_planner.search.archive import Candidate
 from gpis_grasp_planner.search.context import PlanningContext
@@ -25,7 +28,7 @@ _RESERVE_APART = 0.5 * DISTINCT
 def choose_finalists(
     context: PlanningContext, n_grasps: int, deadline: float | None
 ) -> tuple[Grasp, ...]:
-    """The best distinct grasps, ranked by exact epsilon + lambda volume, best first.
+    """The best distinct grasps, ranked by the objective of their exact figures, best first.
 
     A few more than asked for are computed exactly, since the search's epsilon is an upper bound.
     Some 10 to 60 ms each.
@@ -45,8 +48,7 @@ def choose_finalists(
         grasp = grasp_of(candidate, context)
         if grasp.feasible:
             grasps.append(grasp)
-    weight = context.settings.hpp.volume_weight
-    grasps.sort(key=lambda g: answer_rank(g, weight))
+    grasps.sort(key=lambda grasp: answer_rank(grasp, context.objective))
     return tuple(grasps[:n_grasps])
 
 
@@ -59,7 +61,7 @@ def choose_reserve(
     """
     taken = {grasp.T_object_palm.tobytes() for grasp in chosen}
     further = [
-        _grasp(candidate, context, *_estimate(candidate))
+        _grasp(candidate, context, candidate.attempts.quality(candidate.index))
         for candidate in context.archive.best(n + len(chosen), _RESERVE_APART)
         if candidate.T_object_palm.tobytes() not in taken
     ]
@@ -72,21 +74,23 @@ def choose_reserve(
 
 
 def grasp_of(candidate: Candidate, context: PlanningContext) -> Grasp:
-    """A candidate with its exact quality."""
-    quality = grasp_quality(
+    """A candidate with its exact quality, and the figures that are to be reported."""
+    part, scene = context.part, context.settings.scene
+    estimate = candidate.attempts.quality(candidate.index)
+    exact = grasp_quality(
         candidate.attempts.contacts(candidate.index),
-        context.part.center_of_mass,
+        part.center_of_mass,
         context.max_radius,
-        context.settings.scene.cone_edges,
+        scene.cone_edges,
     )
-    return _grasp(candidate, context, quality.epsilon, quality.volume)
+    quality = replace(estimate, epsilon=exact.epsilon, volume=exact.volume)
+    grasp = _grasp(candidate, context, quality)
+    return with_figures(
+        grasp, context.reported, part.center_of_mass, context.max_radius, scene.cone_edges
+    )
 
 
-def _estimate(candidate: Candidate) -> tuple[float, float]:
-    return candidate.epsilon, float(candidate.attempts.volume[candidate.index])
-
-
-def _grasp(candidate: Candidate, context: PlanningContext, epsilon: float, volume: float) -> Grasp:
+def _grasp(candidate: Candidate, context: PlanningContext, quality: Quality) -> Grasp:
     attempts, i = candidate.attempts, candidate.index
     T_object_palm = attempts.T_object_palm[i].copy()
     return Grasp(
@@ -94,9 +98,7 @@ def _grasp(candidate: Candidate, context: PlanningContext, epsilon: float, volum
         joints=attempts.joints[i].copy(),
         pregrasp_joints=pregrasp_of(attempts, np.array([i]), context.hand)[0],
         contacts=attempts.contacts(i),
-        epsilon=epsilon,
-        volume=volume,
+        quality=quality,
         approach_direction=T_object_palm[:3, 2].copy(),
         approach_distance=context.settings.scene.retreat_m,
-        imbalance=None if attempts.imbalance is None else float(attempts.imbalance[i]),
     )

@@ -114,7 +114,7 @@ class PalmPoseOptimiser:
         adapted = self.adaption(T_object_face, self._context.rng, wanted)
         attempts, owner = adapted.attempts, adapted.proposal
         self._context.archive.add(attempts)
-        objective = attempts.objective(self.settings.volume_weight)
+        objective = attempts.objective(self._context.objective)
         best, feasible = np.full(len(X), -1), np.ones(len(X), dtype=np.bool_)
         for k in range(len(X)):
             own = np.flatnonzero(owner == k)
@@ -144,7 +144,7 @@ class PalmPoseOptimiser:
 
         As standoff counts how far the palm's face is from the surface.
         """
-        objective = attempts.objective(self.settings.volume_weight)
+        objective = attempts.objective(self._context.objective)
         of_each = [np.flatnonzero(owner == k) for k in np.unique(owner)]
         best = np.array([rows[np.argmax(objective[rows])] for rows in of_each], dtype=np.int64)
         if not len(best):

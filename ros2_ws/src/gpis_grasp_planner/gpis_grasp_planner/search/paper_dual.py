@@ -64,5 +64,4 @@ class PaperDualOptimiser:
         self.improved += self._value(result) > first_stage
 
     def _value(self, result: CpOptResult) -> float:
-        weight = self._context.settings.hpp.volume_weight
-        return float(np.max(result.realised.objective(weight)))
+        return float(np.max(result.realised.objective(self._context.objective)))

@@ -69,7 +69,7 @@ def answer_with_store(
     GraspPlannerError
         Of the planner; the store raises nothing.
     """
-    place = place or Place()
+    place = planner.placed(place)
     if store is None:
         answer = planner.answer(part, request, place, known=known, monitor=monitor)
         return StoredAnswer(answer, from_store=False, kept=False)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import gpis_grasp_planner
+from gpis_grasp_planner.arm.description import load_arm
 from gpis_grasp_planner.disk_cache import code_version
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
@@ -27,7 +28,7 @@ from gpis_grasp_planner.plan.settings import PlannerSettings
 _NOT_DECISIVE = ("cache", "store")
 _SOURCES = (
     "errors.py", "settings.py", "geometry", "surface", "hand", "quality", "optimise", "grasp",
-    "scene", "surroundings", "search", "verification", "plan",
+    "scene", "surroundings", "search", "arm", "verification", "plan",
 )  # fmt: skip
 
 
@@ -35,9 +36,10 @@ _SOURCES = (
 def planner_version() -> str:
     """The package's version and a hash over the sources and hand models that make a plan."""
     digest = hashlib.sha256(code_version(*_SOURCES).encode())
-    models = Path(gpis_grasp_planner.__file__).parent / "hand" / "models"
-    for path in sorted(p for p in models.rglob("*") if p.is_file() and p.suffix != ".pyc"):
-        digest.update(path.relative_to(models).as_posix().encode() + path.read_bytes())
+    package = Path(gpis_grasp_planner.__file__).parent
+    models = [p for folder in ("arm", "hand") for p in (package / folder / "models").rglob("*")]
+    for path in sorted(p for p in models if p.is_file() and p.suffix != ".pyc"):
+        digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
     return f"{gpis_grasp_planner.__version__}+{digest.hexdigest()[:16]}"
 
 
@@ -83,6 +85,7 @@ class Conditions:
         """
         friction = request.friction_for(part.friction)
         decisive = {n: v for n, v in settings.as_dict().items() if n not in _NOT_DECISIVE}
+        arm = settings.arm.model
         simplified = None if part.simplified is None else part.simplified.content_hash
         return Conditions.from_mapping(
             {
@@ -100,6 +103,7 @@ class Conditions:
                 "friction": [friction.finger, friction.palm],
                 "approach": None if request.approach is None else request.approach.as_mapping(),
                 "forbidden": [region.as_mapping() for region in request.forbidden],
+                "arm_identity": load_arm(arm).identity if arm else None,
                 "settings": decisive,
             }
         )

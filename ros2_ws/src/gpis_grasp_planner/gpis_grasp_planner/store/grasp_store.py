@@ -24,9 +24,8 @@ from gpis_grasp_planner.plan.store_settings import StoreSettings
 from gpis_grasp_planner.store.conditions import Conditions, planner_version
 from gpis_grasp_planner.store.database import Connection, Database, StoreFault
 from gpis_grasp_planner.store.record import Record, unpack
-from gpis_grasp_planner.surroundings.obstacles import Surroundings
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
-from gpis_grasp_planner.surroundings.similarity import same_surroundings
+from gpis_grasp_planner.surroundings.similarity import same_place
 
 ENVIRONMENT = "GPIS_GRASP_STORE"
 # Answers that another search by the same settings would not change but by chance.
@@ -68,10 +67,10 @@ class Entry:
         """Whether the planner of now would make the plan by the same sources."""
         return self.planner_version == planner_version()
 
-    def around(self) -> Surroundings:
-        """The surroundings that the plan was made for, in the part's frame."""
+    def where(self) -> Place:
+        """The place that the plan was made for."""
         data = json.loads(self.place)
-        return Place().around() if data is None else Place.from_mapping(data, _stand_in).around()
+        return Place() if data is None else Place.from_mapping(data, _stand_in)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +141,6 @@ class GraspStore:
         failures : bool
             Whether an answer without grasps is any help.
         """
-        around = place.around()
         sql = (
             f"{_SELECT} WHERE key = ? AND time_budget_s >= ? AND n_asked >= ? ORDER BY made_s DESC"
         )
@@ -151,7 +149,7 @@ class GraspStore:
             with self.database.reading() as connection:
                 rows = [_entry(row) for row in connection.execute(sql, wanted)]
                 rows = [row for row in rows if failures or row.n_grasps]
-                same = [e for e in rows if _same(e.around(), around, part.max_radius)]
+                same = [e for e in rows if same_place(e.where(), place, part.max_radius)]
                 for entry in [*same, *(rows if elsewhere else ())]:
                     try:
                         record = _content(connection, entry)
@@ -234,11 +232,11 @@ class GraspStore:
         result, conditions = record.result, record.conditions
         content = record.packed()
         entry = _entry_of(result, conditions, made_s, len(content))
-        around = entry.around()
+        place = entry.where()
         old = connection.execute(f"{_SELECT} WHERE key = ?", (entry.key,)).fetchall()
         for other in map(_entry, old):
             smaller = other.time_budget_s <= entry.time_budget_s and other.n_asked <= entry.n_asked
-            if smaller and _same(other.around(), around, result.torque_scale):
+            if smaller and same_place(other.where(), place, result.torque_scale):
                 connection.execute("DELETE FROM plans WHERE id = ?", (other.id,))
         values = [getattr(entry, name) for name in _COLUMNS[1:]]
         connection.execute(_INSERT, (*values, content, hashlib.sha256(content).hexdigest()))
@@ -328,10 +326,6 @@ def _content(connection: Connection, entry: Entry) -> Record:
             ErrorCode.INVALID_DOCUMENT,
         )
     return record
-
-
-def _same(one: Surroundings, other: Surroundings, radius: float) -> bool:
-    return same_surroundings(one, other, radius)
 
 
 def _stand_in(_: str) -> TriangleMesh:

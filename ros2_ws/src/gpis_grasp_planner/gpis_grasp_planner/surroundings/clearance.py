@@ -40,7 +40,7 @@ Index = NDArray[np.int64]
 
 
 class Cause(StrEnum):
-    """What comes too near, in the order in which it is looked for; last, what a request forbids."""
+    """What comes too near, as it is looked for; then what a request forbids; last, the arm."""
 
     PALM = "palm"
     FINGER = "finger"
@@ -49,6 +49,11 @@ class Cause(StrEnum):
     APPROACH = "approach"
     DIRECTION = "approach direction"
     REGION = "forbidden region"
+    ARM_REACH = "arm's reach"
+    ARM_LIMITS = "arm's joint limits"
+    ARM_APPROACH = "arm's straight approach"
+    ARM_LIFT = "arm's straight lift"
+    ARM_COLLISION = "arm's collision"
 
 
 @dataclass(frozen=True)

@@ -33,14 +33,19 @@ class Place:
         In the world's frame.
     covariance : (6, 6) array or None
         Of the pose, in the object's axes (`surroundings.covariance`); None where it is not known.
+    T_world_arm : (4, 4) array or None
+        The frame in which an arm's file gives its base; grasps then depend on the part's pose
+        itself. None without an arm.
     """
 
     T_world_object: Array = field(default_factory=lambda: np.eye(4))
     surroundings: Surroundings = field(default_factory=Surroundings)
     covariance: Array | None = None
+    T_world_arm: Array | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.surroundings) or self.covariance is not None
+        given = self.covariance is not None or self.T_world_arm is not None
+        return given or bool(self.surroundings)
 
     def around(self) -> Surroundings:
         """The surroundings in the object's frame."""
@@ -55,17 +60,20 @@ class Place:
         }
         if self.covariance is not None:
             data["covariance"] = self.covariance.ravel().tolist()
+        if self.T_world_arm is not None:
+            position, quat_xyzw = to_position_quat_xyzw(self.T_world_arm)
+            data["arm"] = {"position": position.tolist(), "quat_xyzw": quat_xyzw.tolist()}
         return data
 
     @staticmethod
     def from_mapping(
         data: Mapping[str, Any], load_mesh: Callable[[str], TriangleMesh] | None = None
     ) -> Place:
-        """Build from the form of `Surroundings.from_mapping` with two more fields.
+        """Build from the form of `Surroundings.from_mapping` with three more fields.
 
         "object" is the part's pose in the frame of all the others (``{"position": [3],
         "quat_xyzw": [4]}``; not given: the same frame), "covariance" as :func:`read_covariance`
-        takes it.
+        takes it, "arm" a pose like "object".
 
         Raises
         ------
@@ -74,15 +82,19 @@ class Place:
         PoseError
             INVALID_COVARIANCE.
         """
-        check_keys(data, {"support", "obstacles", "object", "covariance"}, "the place")
+        check_keys(data, {"support", "obstacles", "object", "covariance", "arm"}, "the place")
         pose = data.get("object", {})
         check_keys(pose, {"position", "quat_xyzw"}, "the object's pose")
+        arm = data.get("arm")
+        if arm is not None:
+            check_keys(arm, {"position", "quat_xyzw"}, "the arm's pose")
         around = {k: v for k, v in data.items() if k in ("support", "obstacles")}
         covariance = data.get("covariance")
         return Place(
             read_pose(pose, "the object"),
             Surroundings.from_mapping(around, load_mesh),
             None if covariance is None else read_covariance(covariance),
+            None if arm is None else read_pose(arm, "the arm"),
         )
 
 

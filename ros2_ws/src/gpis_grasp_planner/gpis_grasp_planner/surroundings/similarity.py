@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.geometry.transforms import inverse, rotation_angle
 from gpis_grasp_planner.surroundings.obstacles import (
     BoxObstacle,
     MeshObstacle,
@@ -12,11 +13,31 @@ from gpis_grasp_planner.surroundings.obstacles import (
     SupportPlane,
     Surroundings,
 )
+from gpis_grasp_planner.surroundings.place import Place
 
 Array = NDArray[np.float64]
 
 SUPPORT_TOLERANCE_M = 0.005
 OBSTACLE_TOLERANCE_M = 0.01
+
+
+def same_place(one: Place, other: Place, radius: float) -> bool:
+    """Whether a plan for one place is a plan for the other; see :func:`same_surroundings`.
+
+    Before an arm the part must lie as it did as well, to within the tolerance of a support.
+    """
+    arms = one.T_world_arm, other.T_world_arm
+    if arms[0] is None or arms[1] is None:
+        if arms[0] is not arms[1]:
+            return False
+    else:
+        T = inverse(arms[0]) @ one.T_world_object
+        T_other = inverse(arms[1]) @ other.T_world_object
+        shift = float(np.linalg.norm(T[:3, 3] - T_other[:3, 3]))
+        turn = float(rotation_angle(T[:3, :3], T_other[:3, :3]))
+        if shift + radius * turn > SUPPORT_TOLERANCE_M:
+            return False
+    return same_surroundings(one.around(), other.around(), radius)
 
 
 def same_surroundings(one: Surroundings, other: Surroundings, radius: float) -> bool:

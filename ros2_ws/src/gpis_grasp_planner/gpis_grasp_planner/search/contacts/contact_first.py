@@ -121,7 +121,7 @@ class ContactFirst:
         hands = hands.only(kept)
         attempts = self._fitting.attempt(T[kept], hands.spread, hands.joints)
         self._context.archive.add(attempts)
-        self._learn(hands.cell, attempts.objective(self._context.archive.volume_weight))
+        self._learn(hands.cell, attempts.objective(self._context.objective))
         return attempts, hands.owner
 
     def _drawn(self, n_sets: int) -> _Hands:

@@ -46,7 +46,7 @@ class Neighbourhood:
         T, spreads = self.draw(T_object_palm, spread, context.rng)
         attempts = self._fitting.attempt(T, spreads)
         context.archive.add(attempts)
-        objective = attempts.objective(context.archive.volume_weight)
+        objective = attempts.objective(context.objective)
         best = int(np.argmax(objective))
         return (
             attempts.T_object_palm[best].copy(),

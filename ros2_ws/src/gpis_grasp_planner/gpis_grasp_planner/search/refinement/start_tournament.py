@@ -52,7 +52,7 @@ class StartTournament:
 
     def __init__(self, context: PlanningContext, neighbourhood: Neighbourhood):
         self._rng = context.rng
-        self._weight = context.archive.volume_weight
+        self._objective_of = context.objective
         self._settings = s = context.settings.refinement
         self._neighbourhood = neighbourhood
         self._halving = SuccessiveHalving(s.tournament_rungs, s.tournament_ratio)
@@ -72,7 +72,7 @@ class StartTournament:
 
     def consider(self, attempts: Attempts) -> None:
         """Take the grasps of the first stage into the pool of possible starts."""
-        objective = attempts.objective(self._weight)
+        objective = attempts.objective(self._objective_of)
         good = objective > 0.0
         self._T = np.concatenate([self._T, attempts.T_object_palm[good]])
         self._spread = np.concatenate([self._spread, attempts.spread[good]])

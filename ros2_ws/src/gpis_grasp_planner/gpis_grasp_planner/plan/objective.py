@@ -1,0 +1,76 @@
+"""The objective and the reported figures that settings ask for."""
+
+from __future__ import annotations
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.plan.request import PlanResult
+from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.quality.measure import Measure
+from gpis_grasp_planner.quality.measures import make_measure
+from gpis_grasp_planner.quality.objective import EpsilonVolume, Objective, OneMeasure
+from gpis_grasp_planner.quality.settings import ObjectiveSettings
+from gpis_grasp_planner.search.settings import HppSettings
+
+PAPER = "paper"
+
+
+def make_objective(settings: PlannerSettings) -> Objective:
+    """What a search by these settings maximises.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SETTING: an unknown measure, a task that cannot be read, or one of them with the
+        search in PyBullet, which knows the paper's objective alone.
+    """
+    objective = _objective(settings.objective, settings.hpp)
+    if objective.measures and settings.scene.search_evaluator == "bullet":
+        raise RequestError(
+            "The search in PyBullet (scene.search_evaluator is 'bullet') knows the objective "
+            f"'{PAPER}' alone, not '{settings.objective.name}'; set it to 'compiled'."
+        )
+    return objective
+
+
+def reported_measures(settings: PlannerSettings) -> tuple[Measure, ...]:
+    """The measures whose figures an answer's grasps have: the objective's own, then the reported.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SETTING, as :func:`make_objective`.
+    """
+    return _reported(settings.objective)
+
+
+def objective_of(result: PlanResult) -> Objective:
+    """The objective that a result's grasps were ranked by.
+
+    Raises
+    ------
+    RequestError
+        INVALID_SETTING: its settings are not those of this program, or its measure is not here.
+    """
+    hpp = HppSettings(volume_weight=result.settings["hpp"]["volume_weight"])
+    return _objective(_settings_of(result), hpp)
+
+
+def measures_of(result: PlanResult) -> tuple[Measure, ...]:
+    """The measures whose figures a result's grasps have; none where an earlier program made it."""
+    return _reported(_settings_of(result)) if "objective" in result.settings else ()
+
+
+def _settings_of(result: PlanResult) -> ObjectiveSettings:
+    return ObjectiveSettings.from_mapping(result.settings.get("objective", {}))
+
+
+def _objective(settings: ObjectiveSettings, hpp: HppSettings) -> Objective:
+    if settings.name == PAPER:
+        return EpsilonVolume(hpp.volume_weight)
+    return OneMeasure(make_measure(settings.name, settings))
+
+
+def _reported(settings: ObjectiveSettings) -> tuple[Measure, ...]:
+    names = [] if settings.name == PAPER else [settings.name]
+    names += [name for name in settings.report if name not in names]
+    return tuple(make_measure(name, settings) for name in names)
