@@ -300,6 +300,9 @@ class FirstOfferHolds:
     def __init__(self, *_):
         self.offers.clear()
 
+    def begin(self, *_):
+        pass
+
     def offer(self, grasps):
         self.offers.extend(grasps)
 

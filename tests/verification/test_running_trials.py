@@ -280,3 +280,23 @@ def test_an_idle_child_completes_the_cover(
     whole.add()
     assert int(news.read_text()) >= 1
     assert abs(int(news.read_text()) - len(whole.pieces)) <= 0.3 * len(whole.pieces) + 2
+
+
+def test_a_child_that_was_begun_covers_the_part_before_there_is_a_grasp(
+    make: Callable[..., RunningTrials], firm: Grasp, tmp_path: Path
+) -> None:
+    news = tmp_path / "pieces"
+    trials = make(on_complete=lambda cover: news.write_text(str(len(cover.pieces))))
+    trials.begin(1)
+    trials.begin(1)  # there is one already
+    assert len(trials._idle) == 1
+    [child] = trials._idle
+    limit = time.monotonic() + 60.0
+    while not (news.exists() and news.read_text()) and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert int(news.read_text()) >= 1
+    trials.offer([firm])
+    trials.poll(1)
+    assert [working for working, _ in trials._working.values()] == [child]
+    trials.finish(1, None, never)
+    assert trials.with_trials(firm).trials.held

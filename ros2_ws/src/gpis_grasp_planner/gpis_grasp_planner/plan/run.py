@@ -241,27 +241,25 @@ class PlanRun:
         left = self._deadline - began
         share = self.settings.verification.budget_share if self._trials is not None else 0.0
         end, looked_at, offer_at, stepped = began, began, began, False
-        if self._trials is not None and limit is None:
-            self._trials.begin(processes_beside_a_search(self.settings.verification))
+        trials = self._trials if limit is None else None
+        if trials is not None:
+            trials.begin(processes_beside_a_search(self.settings.verification))
         with monitor.phase(Phase.SEARCHING):
             while not self._search.finished and not monitor.stopped():
                 now = monitor.now()
                 if now >= looked_at:
                     looked_at = now + _RESERVE_INTERVAL_S
-                    trying = share * left
-                    if self._trials is not None and limit is None:
-                        trying = min(trying, self._try_beside(self._trials, trying))
                     n = self._n_wanted
                     rest = self._finisher.time_for(n) + self._hold.time_for(n)
-                    end = began + max(left - trying - rest, _SEARCH_SHARE * left)
+                    end = began + max(left - share * left - rest, _SEARCH_SHARE * left)
                 if stepped and now >= end:
                     break
                 if limit is not None and self._evaluator.n_attempts >= limit:
                     break
                 self._search.step()
                 stepped = True
-                if self._trials is not None and limit is None:
-                    offer_at = self._try_beside(self._trials, offer_at)
+                if trials is not None:
+                    offer_at = self._try_beside(trials, offer_at)
                 best, attempts = archive.best_epsilon, self._evaluator.n_attempts
                 monitor.update(evaluations=attempts, best_epsilon=best, n_candidates=len(archive))
                 if best > (self._convergence[-1][2] if self._convergence else 0.0):
