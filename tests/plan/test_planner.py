@@ -300,17 +300,13 @@ class FirstOfferHolds:
     def __init__(self, *_):
         self.offers.clear()
 
-    def begin(self, *_):
-        pass
-
     def offer(self, grasps):
         self.offers.extend(grasps)
 
     def poll(self, *_):
         pass
 
-    def finish(self, *_):
-        pass
+    begin = finish = poll
 
     def with_trials(self, grasp):
         first = np.array_equal(grasp.T_object_palm, self.offers[0].T_object_palm)
