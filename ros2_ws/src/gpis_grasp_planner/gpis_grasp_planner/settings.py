@@ -146,8 +146,11 @@ class SettingsGroup:
             object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
 
     def as_dict(self) -> dict[str, Any]:
-        """The values by name, ready for JSON."""
-        return asdict(self)
+        """The values by name, as JSON has them: lists for tuples."""
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
+        }
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:

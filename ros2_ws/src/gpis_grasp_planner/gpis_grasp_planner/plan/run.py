@@ -249,12 +249,13 @@ class PlanRun:
                 now = monitor.now()
                 if now >= looked_at:
                     looked_at = now + _RESERVE_INTERVAL_S
+                    if limit is None:
+                        self._finisher.learn_cost()
                     n = self._n_wanted
                     rest = self._finisher.time_for(n) + self._hold.time_for(n)
                     end = began + max(left - share * left - rest, _SEARCH_SHARE * left)
-                if stepped and now >= end:
-                    break
-                if limit is not None and self._evaluator.n_attempts >= limit:
+                over = limit is not None and self._evaluator.n_attempts >= limit
+                if over or (stepped and now >= end):
                     break
                 self._search.step()
                 stepped = True

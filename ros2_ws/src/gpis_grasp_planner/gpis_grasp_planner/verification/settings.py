@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gpis_grasp_planner.hand.drive_train import Drive
 from gpis_grasp_planner.settings import SettingsGroup, setting
+
+if TYPE_CHECKING:  # it needs SciPy, and settings are read by commands that compute nothing
+    from gpis_grasp_planner.hand.drive_train import Drive
 
 ENGINE_CHOICES = ("auto", "bullet", "mujoco", "both")
 
