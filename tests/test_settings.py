@@ -24,7 +24,7 @@ def test_defaults_bounds_and_types_are_described_in_order():
     assert [i.name for i in infos] == ["clearance_m", "count", "enabled", "kind", "paths"]
     assert [i.type for i in infos] == [float, int, bool, str, tuple]
     assert [i.range_text() for i in infos] == ["[0, 1]", "[1, inf]", "any", "a, b", "any"]
-    assert Example().as_dict() == {i.name: i.default for i in infos}
+    assert Example().as_dict() == {i.name: i.default for i in infos} | {"paths": ["x"]}
 
 
 @pytest.mark.parametrize(

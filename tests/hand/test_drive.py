@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.drive import (
@@ -11,6 +12,7 @@ from gpis_grasp_planner.hand.drive import (
     reachable,
     travel_time,
 )
+from gpis_grasp_planner.hand.drive_train import _farthest
 
 
 def degrees(spread, motor, stop=np.inf):
@@ -83,3 +85,17 @@ def test_full_travel_takes_the_quoted_times():
     np.testing.assert_allclose(travel_time(hand, start, end), [[0.5, 1.0, 1.0, 1.0]])
     assert hand.drive.motor_speed[1] == pytest.approx(2.44, abs=0.005)
     assert hand.drive.motor_speed[0] == pytest.approx(6.28, abs=0.005)
+
+
+def test_one_row_of_a_closing_table_goes_as_far_as_the_linear_programme_says() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        row = np.array([[1.0, *rng.uniform(0.0, 2.0, 2)]])
+        upper, travel = rng.uniform(0.1, 3.0, 3), float(rng.uniform(0.1, 6.0))
+        best = linprog(
+            -row[:, 2],
+            A_ub=np.vstack([row[:, :1].T, row.sum(axis=1)]),
+            b_ub=[upper[0], travel],
+            bounds=[(0.0, None)],
+        )
+        assert _farthest(row, upper, travel, 2) == pytest.approx(row[0, 2] * best.x[0], abs=1e-9)

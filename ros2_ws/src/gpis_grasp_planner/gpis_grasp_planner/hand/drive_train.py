@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from gpis_grasp_planner.errors import RequestError
 
@@ -148,6 +147,10 @@ def check_limits(name: str, drive: Drive, joint_upper: Array) -> None:
 
 def _farthest(rows: Array, upper: Array, travel: float, k: int) -> float:
     """Where joint k comes at most by rows (h + 1, D) whose leading joints keep their limits."""
+    if len(rows) == 1:
+        return float(rows[0, k] * min(upper[0], travel / rows[0].sum()))
+    from scipy.optimize import linprog  # half a second, for closing tables of several rows alone
+
     n = len(rows)
     lead = rows[:, :n].T  # joint i's position is lead[i] @ ways
     best = linprog(
