@@ -183,6 +183,9 @@ class Finisher:
                 self.tally.lose(Step.CONFIRMED, Loss.SCENE)
                 return None
             [grasp], [clearance] = self.placing.finished([grasp], [clearance])
+            if self.placing.arm is not None and grasp.arm is None:
+                self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
+                return None
             return FinishedGrasp(grasp, clearance)
         finally:
             self._spent_s += self.clock() - start
