@@ -91,17 +91,7 @@ class GraspPlacing:
         support = self.around.support
         lift = None if support is None else support.normal
         kept = [replace(grasp, lift_direction=lift) for grasp in kept]
-        if self.arm is None:
-            return kept, clearances
-        # The arm was asked with the pre-grasp that the search closed from: where it has no way with
-        # the narrower one, that one stays.
-        before = [replace(grasp, lift_direction=lift) for grasp in grasps]
-        ways = zip(self.arm.carried(kept), self.arm.carried(before), found, clearances, strict=True)
-        chosen = [
-            (new, clearance) if new.arm is not None else (old, was)
-            for new, old, was, clearance in ways
-        ]
-        return [grasp for grasp, _ in chosen], [clearance for _, clearance in chosen]
+        return kept if self.arm is None else self.arm.carried(kept), clearances
 
     def _narrow(self, grasps: list[Grasp], found: list[Clearance], rows: Sequence[int]) -> None:
         """Narrow the pre-grasps of some grasps where that is clear, in place."""

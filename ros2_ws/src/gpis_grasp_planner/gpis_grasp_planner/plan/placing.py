@@ -109,8 +109,6 @@ def place_known(
         chosen = _best(known, kept, spare, found, hold.candidates(request.n_grasps), monitor)
         grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
         of = dict(zip(map(_palm, grasps), clearances, strict=True))
-        if placing.arm is not None:
-            grasps = [grasp for grasp in grasps if grasp.arm is not None]
         ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
     blocked = Counter[str](clearance.cause for clearance in found if clearance.cause is not None)
     answered = tuple(ranked[: request.n_grasps])

@@ -129,8 +129,8 @@ class PlanRun:
     def answer(self, known: Sequence[FinishedGrasp] = ()) -> Answer:
         """Search until the budget asks for the rest, and do the rest.
 
-        Where trials were made and nothing held, there is nothing better to do with the time that
-        is left than to search on.
+        What is left of the time after it, where less was needed than was kept or nothing held, is
+        searched on.
 
         Parameters
         ----------
@@ -159,12 +159,12 @@ class PlanRun:
                 if trials is not None and deadline is not None and not monitor.cancelled:
                     until = deadline - self.settings.verification.budget_share * monitor.left_s
                 grasps = tuple(self._finisher.best(self._n_wanted, until))
-            if trials is None or monitor.cancelled or not grasps:
-                break
-            with monitor.phase(Phase.TRYING):
-                self._finish_trials(trials, grasps, deadline)
-            over = self._search.finished or deadline is None
-            if trials.held or over or monitor.left_s < _SHORTEST_ROUND_S:
+            over = self._search.finished or deadline is None or monitor.cancelled
+            if trials is not None and grasps and not monitor.cancelled:
+                with monitor.phase(Phase.TRYING):
+                    self._finish_trials(trials, grasps, deadline)
+                over = over or bool(trials.held)
+            if over or monitor.left_s < _SHORTEST_ROUND_S:
                 break
         return self._answer_of(grasps, deadline)
 
@@ -249,7 +249,7 @@ class PlanRun:
                 now = monitor.now()
                 if now >= looked_at:
                     looked_at = now + _RESERVE_INTERVAL_S
-                    if limit is None:
+                    if self._trials is None and limit is None:
                         self._finisher.learn_cost()
                     n = self._n_wanted
                     rest = self._finisher.time_for(n) + self._hold.time_for(n)
