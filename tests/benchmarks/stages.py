@@ -35,7 +35,8 @@ STAGES = (
     ("palms out of collision", "scene.compiled_evaluator", "CompiledEvaluator.clear_palm"),
     ("close, contacts, epsilon", "scene.compiled_evaluator", "CompiledEvaluator.attempt"),
     ("the same from a posture", "scene.compiled_evaluator", "CompiledEvaluator.attempt_from"),
-    ("closing balance", "grasp.balanced_evaluator", "BalancedEvaluator._judged"),
+    ("closing balance", "grasp.balanced_evaluator", "BalancedEvaluator.judged"),
+    ("closing balance", "grasp.balanced_evaluator", "BalancedEvaluator._judged"),  # former name
     ("model: fit", "optimise.bayesian", "BayesianOptimiser.tell"),
     ("model: acquisition", "optimise.bayesian", "BayesianOptimiser.ask_batch"),
     ("settle on a chart", "search.local_adaption", "LocalAdaption.__call__"),
@@ -156,7 +157,7 @@ def least(runs: list[dict[str, float]]) -> dict[str, float]:
 
 def table(now: list[dict[str, float]], former: list[dict[str, float]]) -> list[str]:
     """Markdown: milliseconds in the mean of the parts, shares, and former over now."""
-    names = [stage for stage, *_ in STAGES] + [_WHOLE]
+    names = [*dict.fromkeys(stage for stage, *_ in STAGES), _WHOLE]
     total = sum(one.get(name, 0.0) for one in now for name in names)
     head = ["| stage | ms | share |", "|---|---|---|"]
     if former:

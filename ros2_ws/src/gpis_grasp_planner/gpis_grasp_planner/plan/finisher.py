@@ -53,7 +53,7 @@ class Finisher:
     tally : Tally
         Takes what is lost here; the one of the search's evaluator.
     cost_s : float [s]
-        Mean time for one of the last few candidates.
+        Longest time for one of the last few candidates.
     n_seen, n_disagreed : int
         Grasps that PyBullet's scene looked at, and did not agree with.
     """
@@ -194,7 +194,7 @@ class Finisher:
             return FinishedGrasp(grasp, clearance)
         finally:
             self._spent_s.append(self.clock() - start)
-            self.cost_s = sum(self._spent_s) / len(self._spent_s)
+            self.cost_s = max(self._spent_s)  # time that is left is searched on
 
 
 def _key(candidate: Candidate) -> bytes:
