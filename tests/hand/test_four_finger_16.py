@@ -1,16 +1,15 @@
 """The four-finger hand: sixteen joints, a spread that moves four of them by their own gains."""
 
-import runpy
 import shutil
 
 import numpy as np
 import pytest
+from hand_models import assert_files_are_as_written
 
 from gpis_grasp_planner.hand.checks import faults_of
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, reachable
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.hand.link_mesh import read_stl
 from gpis_grasp_planner.hand.mirror import hand_mirror
 from gpis_grasp_planner.hand.preshape import spread_of
 
@@ -30,16 +29,7 @@ def test_sixteen_joints_and_no_fault(hand):
 
 
 def test_the_shipped_files_are_what_the_generator_writes(hand, tmp_path):
-    folder = hand.urdf_path.parent
-    runpy.run_path(str(folder / "build_model.py"))["write_model"](tmp_path)
-    written = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
-    assert len(written) == 6
-    for name in written:
-        if name.suffix == ".urdf":
-            assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
-        else:  # hulls may list their faces in another order on another SciPy
-            fresh, kept = read_stl(tmp_path / name), read_stl(folder / name)
-            np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
+    assert_files_are_as_written(hand, tmp_path, 6)
 
 
 @pytest.mark.parametrize(

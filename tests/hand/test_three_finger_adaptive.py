@@ -1,10 +1,10 @@
 """The three-finger adaptive gripper: links that close one after the other, up to their stops."""
 
-import runpy
 import shutil
 
 import numpy as np
 import pytest
+from hand_models import assert_files_are_as_written
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.checks import faults_of
@@ -17,7 +17,6 @@ from gpis_grasp_planner.hand.drive import (
     touch_motors,
 )
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.hand.link_mesh import read_stl
 from gpis_grasp_planner.hand.mirror import hand_mirror
 
 STOPS = np.array([75.0, 90.0, 55.0])  # proximal, middle, distal [deg]
@@ -110,16 +109,7 @@ def test_open_fingers_and_one_that_stands_straight(hand):
 
 
 def test_the_shipped_files_are_what_the_generator_writes(hand, tmp_path):
-    folder = hand.urdf_path.parent
-    runpy.run_path(str(folder / "build_model.py"))["write_model"](tmp_path)
-    written = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
-    assert len(written) == 7
-    for name in written:
-        if name.suffix == ".urdf":
-            assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
-        else:  # hulls may list their faces in another order on another SciPy
-            fresh, kept = read_stl(tmp_path / name), read_stl(folder / name)
-            np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
+    assert_files_are_as_written(hand, tmp_path, 7)
 
 
 def test_it_has_no_fault_and_one_plane_of_symmetry(hand):

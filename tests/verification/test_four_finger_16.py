@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hand_models import closed_on
 
-from gpis_grasp_planner.geometry.part import Friction
-from gpis_grasp_planner.geometry.transforms import inverse, transform
-from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.verification.engines import make_engine
 from gpis_grasp_planner.verification.finger_drive import FingerDrive
 from gpis_grasp_planner.verification.protocol import verify
@@ -23,18 +19,7 @@ ENGINES = ["bullet", "mujoco"]
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_box_between_three_fingers_and_the_thumb_holds(engine, make_box) -> None:
     part = make_box(0.06, 0.09, 0.04)
-    T = inverse(transform(np.eye(3), [0.0, 0.0, 0.11]))
-    evaluator = CompiledEvaluator(HAND, part, Friction(0.6, 0.6), SceneSettings())
-    closed = evaluator.attempt(T[None], np.zeros(1))
-    grasp = Grasp(
-        T_object_palm=closed.T_object_palm[0],
-        joints=closed.joints[0],
-        pregrasp_joints=np.zeros(HAND.n_joints),
-        contacts=closed.contacts(0),
-        quality=closed.quality(0),
-        approach_direction=T[:3, 2],
-        approach_distance=0.1,
-    )
+    grasp = closed_on(HAND, part, [0.0, 0.0, 0.11])
     [verdict] = verify(part, HAND, [grasp], VerificationSettings(engine=engine))
     print(np.degrees(grasp.joints[HAND.finger_joints]).round(1), verdict)
     assert verdict.held, verdict.cause

@@ -6,35 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hand_models import closed_on
 
-from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.geometry.transforms import inverse, transform
-from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.verification.protocol import verify
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
 HAND = load_hand("parallel_jaw")
 PAD_MIDDLE = 0.127  # height over the palm frame [m]
-
-
-def jaw_grasp(part: Part, center_palm: np.ndarray) -> Grasp:
-    """The grasp that the closing makes of a part whose frame is parallel to the palm's."""
-    T = inverse(transform(np.eye(3), center_palm))
-    closed = CompiledEvaluator(HAND, part, Friction(0.6, 0.6), SceneSettings()).attempt(
-        T[None], np.zeros(1)
-    )
-    return Grasp(
-        T_object_palm=closed.T_object_palm[0],
-        joints=closed.joints[0],
-        pregrasp_joints=np.zeros(HAND.n_joints),
-        contacts=closed.contacts(0),
-        quality=closed.quality(0),
-        approach_direction=T[:3, 2],
-        approach_distance=0.1,
-    )
 
 
 @pytest.fixture
@@ -44,7 +24,7 @@ def bar(make_box) -> Part:
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_a_bar_between_flat_pads_holds(engine: str, bar: Part) -> None:
-    grasp = jaw_grasp(bar, np.array([0.0, 0.008, PAD_MIDDLE]))
+    grasp = closed_on(HAND, bar, np.array([0.0, 0.008, PAD_MIDDLE]))
     [verdict] = verify(bar, HAND, [grasp], VerificationSettings(engine=engine))
     assert verdict.held, verdict.cause
     assert verdict.engine == engine
@@ -56,7 +36,7 @@ def test_a_bar_between_flat_pads_holds(engine: str, bar: Part) -> None:
 
 def test_without_friction_it_goes_along_the_pads_alone(bar: Part) -> None:
     """In MuJoCo; in Bullet what the solver leaves over works it out in a second."""
-    grasp = jaw_grasp(bar, np.array([0.0, 0.0, PAD_MIDDLE]))
+    grasp = closed_on(HAND, bar, np.array([0.0, 0.0, PAD_MIDDLE]))
     settings = VerificationSettings(engine="mujoco", friction=0.0)
     [verdict] = verify(bar, HAND, [grasp], settings, stop_at_failure=False)
     held = {d.direction for d in verdict.directions if d.held}
@@ -67,7 +47,7 @@ def test_without_friction_it_goes_along_the_pads_alone(bar: Part) -> None:
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_a_jaw_presses_with_the_set_force(engine: str, bar: Part) -> None:
     """A bar of 1 kg under 15 m/s^2 weighs as much as the friction of two pads holds, or more."""
-    grasp = jaw_grasp(bar, np.array([0.0, 0.0, PAD_MIDDLE]))
+    grasp = closed_on(HAND, bar, np.array([0.0, 0.0, PAD_MIDDLE]))
     firm = VerificationSettings(engine=engine, mass_kg=1.0, friction=0.6, tip_force_n=20.0)
     weak = replace(firm, tip_force_n=8.0, holding_force_n=10.0)
     verdicts = {

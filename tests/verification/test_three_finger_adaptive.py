@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hand_models import closed_on
 
-from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.geometry.transforms import inverse, transform
-from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.verification.engines import make_engine
 from gpis_grasp_planner.verification.finger_drive import Phase
 from gpis_grasp_planner.verification.protocol import verify
@@ -18,23 +14,6 @@ from gpis_grasp_planner.verification.settings import VerificationSettings
 from gpis_grasp_planner.verification.trial_world import TrialWorld
 
 HAND = load_hand("three_finger_adaptive")
-
-
-def grasp_of(part: Part, center_palm: np.ndarray) -> Grasp:
-    """The grasp that the closing makes of a part whose frame is parallel to the palm's."""
-    T = inverse(transform(np.eye(3), center_palm))
-    closed = CompiledEvaluator(HAND, part, Friction(0.6, 0.6), SceneSettings()).attempt(
-        T[None], np.zeros(1)
-    )
-    return Grasp(
-        T_object_palm=closed.T_object_palm[0],
-        joints=closed.joints[0],
-        pregrasp_joints=np.zeros(HAND.n_joints),
-        contacts=closed.contacts(0),
-        quality=closed.quality(0),
-        approach_direction=T[:3, 2],
-        approach_distance=0.1,
-    )
 
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
@@ -71,7 +50,7 @@ def test_a_free_finger_closes_link_after_link(engine, make_box) -> None:
 def test_a_box_is_held_as_it_was_planned(engine, height, links, make_box) -> None:
     """One finger against two: the gears of the one hold what the others press with."""
     part = make_box(0.07, 0.05, 0.04)
-    grasp = grasp_of(part, np.array([0.0, 0.0, height]))
+    grasp = closed_on(HAND, part, np.array([0.0, 0.0, height]))
     q = grasp.joints[HAND.finger_joints]
     assert ((q > 0.1).sum(axis=1) == links).all()
     [verdict] = verify(part, HAND, [grasp], VerificationSettings(engine=engine))

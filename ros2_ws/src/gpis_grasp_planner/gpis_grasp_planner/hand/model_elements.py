@@ -1,8 +1,10 @@
-"""Elements of a hand's URDF: materials, links with their masses, joints, and the file."""
+"""Elements of a hand's URDF: pieces of its links, materials, masses, joints, and the files."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -10,9 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.hand.link_mesh import inertia_from_moments, solid_properties
+from gpis_grasp_planner.hand.link_mesh import (
+    convex_hull,
+    inertia_from_moments,
+    solid_properties,
+    write_stl,
+)
+from gpis_grasp_planner.hand.outlines import bar
 
 Array = NDArray[np.float64]
+Pieces = tuple[tuple[str, TriangleMesh], ...]
+Corner = tuple[float, float, float]
+Link = tuple[float, float, float]
+
+_CHAMFER_MM = 1.5
 
 COLORS = {"palm": (0.20, 0.21, 0.23), "finger": (0.42, 0.44, 0.47)}
 
@@ -26,7 +39,36 @@ class Inertial:
     inertia: Array
 
 
-def uniform_inertial(mass: float, pieces: tuple[tuple[str, TriangleMesh], ...]) -> Inertial:
+def pieces_of(
+    boxes: Mapping[str, Mapping[str, tuple[Corner, Corner]]],
+    outlines: Mapping[str, Array],
+    half_width_mm: float,
+) -> dict[str, Pieces]:
+    """Convex pieces [m] of bodies made of boxes and of links that are extruded outlines.
+
+    Parameters
+    ----------
+    boxes : mapping
+        Two opposite corners [mm] of each piece of each body.
+    outlines : mapping of str to (n, 2) arrays [mm]
+        Of links in their plane; the piece of ``proximal`` is ``proximal_link``.
+    half_width_mm : float
+    """
+    points = {
+        body: {
+            name: np.array([*product(*zip(*corners, strict=True))]) for name, corners in of.items()
+        }
+        for body, of in boxes.items()
+    }
+    for name, outline in outlines.items():
+        points[name] = {f"{name}_link": bar(outline, half_width_mm, _CHAMFER_MM)}
+    return {
+        body: tuple((name, convex_hull(p / 1000.0)) for name, p in pieces.items())
+        for body, pieces in points.items()
+    }
+
+
+def uniform_inertial(mass: float, pieces: Pieces) -> Inertial:
     """Inertial of a body of one density made of convex pieces (overlaps count twice)."""
     properties = [solid_properties(mesh) for _, mesh in pieces]
     volume = sum(v for v, _, _ in properties)
@@ -46,7 +88,7 @@ def add_link(
     robot: ET.Element,
     name: str,
     body: Inertial,
-    pieces: tuple[tuple[str, TriangleMesh], ...],
+    pieces: Pieces,
     material: str,
 ) -> None:
     """A link whose pieces are both seen and felt; their files are ``meshes/<piece>.stl``."""
@@ -94,10 +136,55 @@ def add_joint(
     return joint
 
 
+def add_finger_links(
+    robot: ET.Element, finger: str, links: Mapping[str, Link], pieces: Mapping[str, Pieces]
+) -> None:
+    """The links of one finger; of each in `links` the last figure is its mass [kg]."""
+    for link, (_, _, mass) in links.items():
+        body = uniform_inertial(mass, pieces[link])
+        add_link(robot, f"{finger}_{link}_link", body, pieces[link], "finger")
+
+
+def add_finger_joints(
+    robot: ET.Element,
+    finger: str,
+    links: Mapping[str, Link],
+    origins: Mapping[str, tuple[str, float, tuple[float, float, float]]],
+    speed_rad_s: float,
+) -> None:
+    """The joints of one finger, which turn about z.
+
+    Of each of its `links` the upper limit [deg] and the effort [N m]; `origins` are its parent, how
+    far along the parent's x the joint lies [mm], and its rpy [rad].
+    """
+    for link, (parent, along, turn) in origins.items():
+        upper, effort, _ = links[link]
+        add_joint(
+            robot,
+            f"{finger}_{link}_joint",
+            (f"{finger}_{parent}_link", f"{finger}_{link}_link"),
+            ((along / 1000.0, 0.0, 0.0), turn),
+            (0.0, 0.0, 1.0),
+            (np.radians(upper), speed_rad_s, effort),
+        )
+
+
 def number_text(values: tuple[float, ...] | Array) -> str:
     """Numbers as they stand in a URDF."""
     # 12 digits keep right angles right to 1e-12; adding 0.0 turns -0 into 0.
     return " ".join(f"{round(float(v), 15) + 0.0:.12g}" for v in values)
+
+
+def write_model(
+    directory: Path, name: str, robot: ET.Element, pieces: Mapping[str, Pieces]
+) -> None:
+    """Write ``<name>.urdf`` and ``meshes/*.stl`` below a directory."""
+    meshes = directory / "meshes"
+    meshes.mkdir(parents=True, exist_ok=True)
+    for of_body in pieces.values():
+        for piece, mesh in of_body:
+            write_stl(mesh, meshes / f"{piece}.stl")
+    write_urdf(robot, directory / f"{name}.urdf")
 
 
 def write_urdf(robot: ET.Element, path: Path) -> None:

@@ -40,7 +40,10 @@ def start_directions(n: int, seed: int = 0) -> Array:
 
 @njit(allocates=False)
 def _heights(columns, n, d, heights):  # type: ignore[no-untyped-def]
-    """Products of the wrenches, columns of (6, n), with d (6,), into heights (n,)."""
+    """Products of the wrenches, columns of (6, n), with d (6,), into heights (n,).
+
+    In the order of a sum that begins with 0: to the bit what a loop over the six gives.
+    """
     x, y, z, u, v, w = d[0], d[1], d[2], d[3], d[4], d[5]
     for i in range(n):
         heights[i] = (

@@ -15,16 +15,18 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.hand.link_mesh import convex_hull, write_stl
+from gpis_grasp_planner.hand import model_elements
 from gpis_grasp_planner.hand.model_elements import (
+    Pieces,
+    add_finger_joints,
+    add_finger_links,
     add_joint,
     add_link,
     add_materials,
+    pieces_of,
     uniform_inertial,
-    write_urdf,
 )
-from gpis_grasp_planner.hand.outlines import arc, bar, crown
+from gpis_grasp_planner.hand.outlines import arc, crown
 
 NAME = "four_finger_16"
 HALF_WIDTH_MM = 10.0
@@ -46,8 +48,6 @@ LINKS = {
     "distal": (76.0, 1.6, 0.03),
 }
 PALM_KG, SPEED_RAD_S = 0.9, 3.0
-
-Pieces = tuple[tuple[str, TriangleMesh], ...]
 
 
 def shapes() -> dict[str, Pieces]:
@@ -77,26 +77,12 @@ def shapes() -> dict[str, Pieces]:
         "palm": {"palm_plate": ((-40, -50, 0), (48, 50, 40))},
         "base": {"finger_base": ((-8, -11, -22), (24, 11, 8))},
     }
-    points = {
-        body: {
-            name: np.array(
-                [[x, y, z] for x in (a[0], b[0]) for y in (a[1], b[1]) for z in (a[2], b[2])]
-            )
-            for name, (a, b) in pieces.items()
-        }
-        for body, pieces in boxes.items()
-    }
-    for name, outline in (("proximal", proximal), ("middle", middle), ("distal", distal)):
-        points[name] = {f"{name}_link": bar(outline, HALF_WIDTH_MM, 1.5)}
-    return {
-        body: tuple((name, convex_hull(p / 1000.0)) for name, p in pieces.items())
-        for body, pieces in points.items()
-    }
+    outlines = {"proximal": proximal, "middle": middle, "distal": distal}
+    return pieces_of(boxes, outlines, HALF_WIDTH_MM)
 
 
-def build_urdf() -> ET.Element:
+def build_urdf(pieces: dict[str, Pieces]) -> ET.Element:
     """The URDF as an element tree; mesh names are relative to its folder."""
-    pieces = shapes()
     robot = ET.Element("robot", name=NAME)
     add_materials(robot)
     palm = uniform_inertial(PALM_KG, pieces["palm"])
@@ -104,9 +90,7 @@ def build_urdf() -> ET.Element:
     base = uniform_inertial(BASE_KG, pieces["base"])
     for finger in FINGERS:
         add_link(robot, f"{finger}_base_link", base, pieces["base"], "palm")
-        for link, (_, _, mass) in LINKS.items():
-            body = uniform_inertial(mass, pieces[link])
-            add_link(robot, f"{finger}_{link}_link", body, pieces[link], "finger")
+        add_finger_links(robot, finger, LINKS, pieces)
     for finger, (x, y, azimuth) in FINGERS.items():
         joint = add_joint(
             robot,
@@ -128,32 +112,19 @@ def _finger_joints(robot: ET.Element, finger: str) -> None:
     # the finger's plane stands up on the base's x axis
     stand = Rotation.from_euler("x", 90.0, degrees=True)
     rise = Rotation.from_euler("z", RISE_DEG, degrees=True)
-    first = tuple(float(v) for v in (stand * rise).as_euler("xyz"))
+    roll, pitch, yaw = (stand * rise).as_euler("xyz").tolist()
     origins = {
-        "proximal": ("base", FLEXION_AXIS_MM, first),
+        "proximal": ("base", FLEXION_AXIS_MM, (roll, pitch, yaw)),
         "middle": ("proximal", PROXIMAL_MM, (0.0, 0.0, 0.0)),
         "distal": ("middle", MIDDLE_MM, (0.0, 0.0, 0.0)),
     }
-    for link, (parent, along, turn) in origins.items():
-        upper, effort, _ = LINKS[link]
-        add_joint(
-            robot,
-            f"{finger}_{link}_joint",
-            (f"{finger}_{parent}_link", f"{finger}_{link}_link"),
-            ((along / 1000.0, 0.0, 0.0), (turn[0], turn[1], turn[2])),
-            (0.0, 0.0, 1.0),
-            (np.radians(upper), SPEED_RAD_S, effort),
-        )
+    add_finger_joints(robot, finger, LINKS, origins, SPEED_RAD_S)
 
 
 def write_model(directory: Path) -> None:
     """Write ``<name>.urdf`` and ``meshes/*.stl`` below `directory`."""
-    meshes = directory / "meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
-    for pieces in shapes().values():
-        for name, mesh in pieces:
-            write_stl(mesh, meshes / f"{name}.stl")
-    write_urdf(build_urdf(), directory / f"{NAME}.urdf")
+    pieces = shapes()
+    model_elements.write_model(directory, NAME, build_urdf(pieces), pieces)
 
 
 if __name__ == "__main__":

@@ -14,16 +14,18 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.hand.link_mesh import convex_hull, write_stl
+from gpis_grasp_planner.hand import model_elements
 from gpis_grasp_planner.hand.model_elements import (
+    Pieces,
+    add_finger_joints,
+    add_finger_links,
     add_joint,
     add_link,
     add_materials,
+    pieces_of,
     uniform_inertial,
-    write_urdf,
 )
-from gpis_grasp_planner.hand.outlines import arc, bar, crown
+from gpis_grasp_planner.hand.outlines import arc, crown
 
 NAME = "three_finger_adaptive"
 HALF_WIDTH_MM = 12.0
@@ -43,8 +45,6 @@ LINKS = {
 }
 PALM_KG, KNUCKLE_KG = 1.5, 0.08
 SPEED_RAD_S, SPREAD_SPEED_RAD_S, SPREAD_EFFORT_NM = 1.1, 1.0, 3.0
-
-Pieces = tuple[tuple[str, TriangleMesh], ...]
 
 
 def shapes() -> dict[str, Pieces]:
@@ -77,26 +77,12 @@ def shapes() -> dict[str, Pieces]:
         },
         "knuckle": {"knuckle": ((-12, -13, -50), (22, 13, 8))},
     }
-    points = {
-        body: {
-            name: np.array(
-                [[x, y, z] for x in (a[0], b[0]) for y in (a[1], b[1]) for z in (a[2], b[2])]
-            )
-            for name, (a, b) in pieces.items()
-        }
-        for body, pieces in boxes.items()
-    }
-    for name, outline in (("proximal", proximal), ("middle", middle), ("distal", distal)):
-        points[name] = {f"{name}_link": bar(outline, HALF_WIDTH_MM, 1.5)}
-    return {
-        body: tuple((name, convex_hull(p / 1000.0)) for name, p in pieces.items())
-        for body, pieces in points.items()
-    }
+    outlines = {"proximal": proximal, "middle": middle, "distal": distal}
+    return pieces_of(boxes, outlines, HALF_WIDTH_MM)
 
 
-def build_urdf() -> ET.Element:
+def build_urdf(pieces: dict[str, Pieces]) -> ET.Element:
     """The URDF as an element tree; mesh names are relative to its folder."""
-    pieces = shapes()
     robot = ET.Element("robot", name=NAME)
     add_materials(robot)
     palm = uniform_inertial(PALM_KG, pieces["palm"])
@@ -104,9 +90,7 @@ def build_urdf() -> ET.Element:
     knuckle = uniform_inertial(KNUCKLE_KG, pieces["knuckle"])
     for finger in FINGERS:
         add_link(robot, f"{finger}_knuckle_link", knuckle, pieces["knuckle"], "palm")
-        for link, (_, _, mass) in LINKS.items():
-            body = uniform_inertial(mass, pieces[link])
-            add_link(robot, f"{finger}_{link}_link", body, pieces[link], "finger")
+        add_finger_links(robot, finger, LINKS, pieces)
     for finger, (x, y, azimuth) in FINGERS.items():
         at = ((x / 1000.0, y / 1000.0, KNUCKLE_HEIGHT_MM / 1000.0), (0.0, 0.0, np.radians(azimuth)))
         links = ("palm_link", f"{finger}_knuckle_link")
@@ -127,32 +111,19 @@ def _finger_joints(robot: ET.Element, finger: str) -> None:
     # the finger's plane stands up on the knuckle's x axis
     stand = Rotation.from_euler("x", 90.0, degrees=True)
     lean = Rotation.from_euler("z", 90.0 - OUTWARDS_DEG, degrees=True)
-    rpy = (stand * lean).as_euler("xyz")
+    roll, pitch, yaw = (stand * lean).as_euler("xyz").tolist()
     origins = {
-        "proximal": ("knuckle", KNUCKLE_AXIS_MM, tuple(float(v) for v in rpy)),
+        "proximal": ("knuckle", KNUCKLE_AXIS_MM, (roll, pitch, yaw)),
         "middle": ("proximal", PROXIMAL_MM, (0.0, 0.0, 0.0)),
         "distal": ("middle", MIDDLE_MM, (0.0, 0.0, -np.radians(BACK_DEG))),
     }
-    for link, (parent, along, turn) in origins.items():
-        upper, effort, _ = LINKS[link]
-        add_joint(
-            robot,
-            f"{finger}_{link}_joint",
-            (f"{finger}_{parent}_link", f"{finger}_{link}_link"),
-            ((along / 1000.0, 0.0, 0.0), (turn[0], turn[1], turn[2])),
-            (0.0, 0.0, 1.0),
-            (np.radians(upper), SPEED_RAD_S, effort),
-        )
+    add_finger_joints(robot, finger, LINKS, origins, SPEED_RAD_S)
 
 
 def write_model(directory: Path) -> None:
     """Write ``<name>.urdf`` and ``meshes/*.stl`` below `directory`."""
-    meshes = directory / "meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
-    for pieces in shapes().values():
-        for name, mesh in pieces:
-            write_stl(mesh, meshes / f"{name}.stl")
-    write_urdf(build_urdf(), directory / f"{NAME}.urdf")
+    pieces = shapes()
+    model_elements.write_model(directory, NAME, build_urdf(pieces), pieces)
 
 
 if __name__ == "__main__":
