@@ -13,6 +13,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ with warnings.catch_warnings():
 
 READY_S = 90.0  # a bound on a hang, not a measurement: machines that run tests may be busy
 ANSWER_S = 120.0
+LEAVE_S = 10.0
 MAX_POSE_AGE_S = 3.0
 
 
@@ -125,15 +127,16 @@ class Client:
             self._executor.spin_once(timeout_sec=0.05)
 
     def call(self, request: PlanGrasp.Request) -> PlanGrasp.Response:
-        """Call plan_grasp. A first call can get lost in DDS' discovery: it is asked once more."""
+        """Call plan_grasp where one node alone offers it: with two, either could answer."""
         assert self._service.wait_for_service(timeout_sec=READY_S)
-        for _ in range(2):
-            future = self.call_async(request)
-            done = threading.Event()
-            future.add_done_callback(lambda _future, done=done: done.set())
-            if done.wait(ANSWER_S / 2):
-                return future.result()
-        raise AssertionError("plan_grasp did not answer")
+        wait_for(
+            lambda: self.node.count_services("plan_grasp") == 1, "one node alone", seconds=READY_S
+        )
+        future = self.call_async(request)
+        done = threading.Event()
+        future.add_done_callback(lambda _future: done.set())
+        assert done.wait(ANSWER_S), "plan_grasp did not answer"
+        return future.result()
 
     def call_async(self, request: PlanGrasp.Request) -> Any:
         assert self._service.wait_for_service(timeout_sec=READY_S)
@@ -260,6 +263,9 @@ def start_node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..
     yield start
     for node in started:
         if node.process.poll() is None:
+            node.process.terminate()  # the others hear that it leaves
+            with suppress(subprocess.TimeoutExpired):
+                node.process.wait(LEAVE_S)
             node.process.kill()
             node.process.wait()
 

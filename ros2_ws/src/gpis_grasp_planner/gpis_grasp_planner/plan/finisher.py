@@ -46,8 +46,8 @@ class Finisher:
     ----------
     context : PlanningContext
     placing : GraspPlacing
-    confirm : callable
-        Which of a sequence of grasps PyBullet's scene agrees with.
+    confirmed : callable
+        Whether PyBullet's scene agrees with a grasp.
     clock : callable
         Seconds, steady.
     tally : Tally
@@ -60,13 +60,14 @@ class Finisher:
 
     context: PlanningContext
     placing: GraspPlacing
-    confirm: Callable[[Sequence[Grasp]], Sequence[bool]]
+    confirmed: Callable[[Grasp], bool]
     clock: Callable[[], float]
     tally: Tally
     cost_s: float = _FIRST_COST_S
     n_seen: int = 0
     _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
     _known: dict[bytes, FinishedGrasp | None] = field(default_factory=dict, repr=False)
+    _unseen: dict[bytes, float] = field(default_factory=dict, repr=False)
     _spent_s: deque[float] = field(default_factory=lambda: deque(maxlen=_SAMPLED), repr=False)
     _sample_at: float = -np.inf
 
@@ -76,7 +77,9 @@ class Finisher:
         self.tally.take_over(len({_palm(f.grasp) for f in finished} - set(self._known)))
         self._known.update({_palm(f.grasp): f for f in finished})
 
-    def best(self, n: int, until: float | None = None, fresh: int | None = None) -> list[Grasp]:
+    def best(
+        self, n: int, until: float | None = None, fresh: int | None = None, *, seen: bool = True
+    ) -> list[Grasp]:
         """The best finished grasps among the archive's best distinct candidates.
 
         Parameters
@@ -87,12 +90,16 @@ class Finisher:
             By the clock; no candidate is begun that will not be ready by then, but the first.
         fresh : int, optional
             At most so many are finished in this call; the others wait for the next one.
+        seen : bool
+            False: those finished now are not shown to PyBullet's scene before :meth:`see`.
 
         Returns
         -------
         list of Grasp
             By the objective of their exact figures.
         """
+        if seen:
+            self.see()
         done = [finished.grasp for finished in self._added]
         for candidate in self.context.archive.best(int(np.ceil(_SPARE * n))):
             key = _key(candidate)
@@ -101,7 +108,9 @@ class Finisher:
                 if late or fresh == 0:
                     continue
                 fresh = None if fresh is None else fresh - 1
-                self._known[key] = self._finish(candidate)
+                self._finish(key, candidate)
+                if seen:
+                    self.see()
             finished = self._known[key]
             if finished is not None:
                 done.append(finished.grasp)
@@ -112,9 +121,32 @@ class Finisher:
         chosen = distinct(T, np.arange(len(done)), self.context.max_radius, n)
         return [done[i] for i in chosen]
 
+    def see(self) -> None:
+        """Show PyBullet's scene what it has not seen; what it does not agree with is dropped."""
+        for key, spent_s in self._unseen.items():
+            start = self.clock()
+            known = self._known[key]
+            if known is not None:
+                self.n_seen += 1
+                if not self.confirmed(known.grasp):
+                    self.tally.lose(Step.CONFIRMED, Loss.SCENE)
+                    self._known[key] = None
+            self._spent_s.append(spent_s + self.clock() - start)
+            self.cost_s = max(self._spent_s)  # time that is left is searched on
+        self._unseen.clear()
+
     def finished(self) -> list[Grasp]:
-        """All grasps that were finished so far, in no order."""
-        return [known.grasp for known in self._known.values() if known is not None]
+        """All grasps that were finished and seen so far, in no order."""
+        return [
+            known.grasp
+            for key, known in self._known.items()
+            if known is not None and key not in self._unseen
+        ]
+
+    def stands(self, grasp: Grasp) -> bool:
+        """Whether a grasp is among those of :meth:`finished`."""
+        key = _palm(grasp)
+        return self._known.get(key) is not None and key not in self._unseen
 
     def learn_cost(self) -> None:
         """Finish one of the best candidates, if it is time to: the time to keep is known by it.
@@ -174,27 +206,23 @@ class Finisher:
                 so_far.lose(Step.HELD, grasp.trials.outcomes[0].cause)
         return so_far.funnel(Step.HELD)
 
-    def _finish(self, candidate: Candidate) -> FinishedGrasp | None:
+    def _finish(self, key: bytes, candidate: Candidate) -> None:
+        """All but PyBullet's look."""
         start = self.clock()
-        try:
-            grasp = grasp_of(candidate, self.context)
-            if not grasp.feasible:
-                self.tally.lose(Step.CONFIRMED, Loss.INEXACT)
-                return None
-            [grasp], [clearance] = self.placing.clear([grasp])
-            if not clearance.clear:
-                self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
-                return None
-            self.n_seen += 1
-            [confirmed] = self.confirm([grasp])
-            if not confirmed:
-                self.tally.lose(Step.CONFIRMED, Loss.SCENE)
-                return None
-            [grasp], [clearance] = self.placing.finished([grasp], [clearance])
-            return FinishedGrasp(grasp, clearance)
-        finally:
-            self._spent_s.append(self.clock() - start)
-            self.cost_s = max(self._spent_s)  # time that is left is searched on
+        self._known[key] = self._placed(candidate)
+        self._unseen[key] = self.clock() - start
+
+    def _placed(self, candidate: Candidate) -> FinishedGrasp | None:
+        grasp = grasp_of(candidate, self.context)
+        if not grasp.feasible:
+            self.tally.lose(Step.CONFIRMED, Loss.INEXACT)
+            return None
+        [grasp], [clearance] = self.placing.clear([grasp])
+        if not clearance.clear:
+            self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
+            return None
+        [grasp], [clearance] = self.placing.finished([grasp], [clearance])
+        return FinishedGrasp(grasp, clearance)
 
 
 def _key(candidate: Candidate) -> bytes:

@@ -21,6 +21,7 @@ from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.closing_balance import with_balance
+from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
 from gpis_grasp_planner.plan.hand_limits import HandLimit, limit_of
@@ -92,7 +93,6 @@ class PlanRun:
         self._prepared = prepared
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
-        self._scene: BulletEvaluator | None = None
         self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
         self._objective = make_objective(settings)
         self._evaluator, self._tally = self._make_evaluator()
@@ -109,7 +109,10 @@ class PlanRun:
             reported=reported_measures(settings),
         )
         self._search = make_search(request.planner, self._context)
-        self._finisher = Finisher(self._context, placing, self._confirm, monitor.now, self._tally)
+        scene = self._owned.enter_context(
+            ConfirmingScene(part, self.hand, self._friction, settings.scene, prepared)
+        )
+        self._finisher = Finisher(self._context, placing, scene.agrees, monitor.now, self._tally)
         self._hold = hold
         self._limit: HandLimit | None = None
         self._convergence: list[tuple[float, int, float]] = []
@@ -163,7 +166,7 @@ class PlanRun:
             if trials is not None and grasps and not monitor.cancelled:
                 with monitor.phase(Phase.TRYING):
                     self._finish_trials(trials, grasps, deadline)
-                over = over or bool(trials.held)
+                over = over or bool(self._held(trials))
             if over or monitor.left_s < _SHORTEST_ROUND_S:
                 break
         return self._answer_of(grasps, deadline)
@@ -194,24 +197,6 @@ class PlanRun:
         balanced = with_balance(constrained, self.hand, self.part, self.settings)
         measured = with_measures(balanced, self._objective.measures, self.part, scene.cone_edges)
         return measured, constrained.tally
-
-    def _confirm(self, grasps: Sequence[Grasp]) -> list[bool]:
-        """Which grasps PyBullet's scene agrees with."""
-        scene = self.settings.scene
-        if not scene.confirm:
-            return [True] * len(grasps)
-        if self._scene is None:  # made once: a large mesh takes its time to get into PyBullet
-            prepared = self._prepared
-            self._scene = self._owned.enter_context(
-                BulletEvaluator(
-                    self.hand, self.part, self._friction, scene, prepared.field, prepared.tree
-                )
-            )
-        seen = self._scene.confirm(grasps)
-        return [
-            look.contacts_confirmed and look.penetration_m <= scene.confirm_tolerance_m
-            for look in seen
-        ]
 
     def _make_trials(self) -> RunningTrials:
         verification, prepared = self.settings.verification, self._prepared
@@ -275,7 +260,9 @@ class PlanRun:
         processes = processes_beside_a_search(self.settings.verification)
         now = monitor.now()
         if now >= offer_at and len(self._archive):
-            trials.offer(self._finisher.best(_OFFERED, fresh=1))
+            trials.offer(self._finisher.best(_OFFERED, fresh=1, seen=False))
+            trials.poll(processes)  # the first trial runs while PyBullet looks
+            self._finisher.see()
             spent = monitor.now() - now
             offer_at = monitor.now() + max(_OFFER_INTERVAL_S, _OFFER_PAUSE * spent)
         trials.poll(processes)
@@ -299,9 +286,13 @@ class PlanRun:
 
     def _tell_of(self, trials: RunningTrials) -> None:
         """Report how many grasps were tried, and the best of those that held."""
-        held, objective = trials.held, self._objective
+        held, objective = self._held(trials), self._objective
         best = min(held, key=lambda grasp: answer_rank(grasp, objective)) if held else None
         self.monitor.update(n_tried=trials.n_tried, n_held=len(held), best_held=best)
+
+    def _held(self, trials: RunningTrials) -> list[Grasp]:
+        """Grasps that held and that PyBullet's scene agrees with."""
+        return [grasp for grasp in trials.held if self._finisher.stands(grasp)]
 
     def _answer_of(self, grasps: tuple[Grasp, ...], deadline: float | None) -> Answer:
         """Rank, choose, and say what came of it."""

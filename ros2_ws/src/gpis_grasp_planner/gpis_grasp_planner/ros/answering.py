@@ -157,6 +157,8 @@ class GraspAnswering:
         plan = delivered.plan
         response.code = int(plan.code)
         response.message = plan.message
+        if plan.code == ErrorCode.CANCELLED and call.cancelled:
+            response.message = f"{call.why_cancelled} {plan.message}"
         response.evaluations = plan.evaluations
         response.funnel = funnel_messages(plan.funnel)
         response.from_cache = delivered.from_cache

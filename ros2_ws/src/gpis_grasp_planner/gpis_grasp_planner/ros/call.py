@@ -47,6 +47,11 @@ class Call:
         """Whether nobody wants the answer any more."""
         return bool(self._why)
 
+    @property
+    def why_cancelled(self) -> str:
+        """A sentence for the answer's message; "" while the answer is wanted."""
+        return self._why
+
     def cancel(self, why: str) -> None:
         """Say that the answer is not wanted any more, and wake who waits for it. Idempotent.
 

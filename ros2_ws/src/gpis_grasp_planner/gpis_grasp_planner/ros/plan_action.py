@@ -26,6 +26,7 @@ FEEDBACK_PERIOD_S = 0.1
 # A result is kept so long for a client that has not asked for it yet.
 RESULT_TIMEOUT_S = 60
 _CANCELLING_S = 1.0
+_PREEMPTED = "Preempted by a newer goal (parameter preempt_goals)."
 
 
 class PlanGraspAction:
@@ -70,7 +71,7 @@ class PlanGraspAction:
             self._goals[_key(goal)] = goal, Call()
         if self._settings().preempt_goals:
             for call in earlier:
-                call.cancel("Preempted by a newer goal (parameter preempt_goals).")
+                call.cancel(_PREEMPTED)
         goal.execute()
 
     def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
@@ -90,14 +91,12 @@ class PlanGraspAction:
         finally:
             with self._lock:
                 del self._goals[_key(goal)]
-        self._end(goal, result)
+        self._end(goal, call, result)
         return result
 
-    def _end(self, goal: ServerGoalHandle, result: Any) -> None:
+    def _end(self, goal: ServerGoalHandle, call: Call, result: Any) -> None:
         """Bring the goal into its last state."""
-        cancelled = result.code == ErrorCode.CANCELLED
-        if cancelled and result.message.startswith("Preempted"):
-            cancelled = False
+        cancelled = result.code == ErrorCode.CANCELLED and call.why_cancelled != _PREEMPTED
         # Its callback has told the call, and will tell the goal in a moment.
         deadline = time.monotonic() + _CANCELLING_S
         while cancelled and not goal.is_cancel_requested and time.monotonic() < deadline:

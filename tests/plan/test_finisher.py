@@ -1,0 +1,127 @@
+"""Candidates finished once: what is seen by PyBullet's scene, when, and what it drops."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpis_grasp_planner.grasp.funnel import Loss, Step, Tally
+from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
+from gpis_grasp_planner.plan.finisher import Finisher
+from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
+from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
+from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
+from gpis_grasp_planner.surroundings.obstacles import Surroundings
+
+
+@pytest.fixture(scope="module")
+def context(make_context, catalogue):
+    """The mug after a short search."""
+    context = make_context(catalogue.load("mug"), seed=1)
+    search = PalmPoseOptimiser(context)
+    while context.evaluator.n_attempts < 200:
+        search.step()
+    return context
+
+
+@pytest.fixture
+def make_finisher(context, planner):
+    """A finisher of the mug in free space; each call of its clock is a second later."""
+
+    def make(confirmed):
+        prepared = planner.prepare(context.part)
+        placing = GraspPlacing(planner.hand, Surroundings(), ClearanceSettings(), prepared.tree)
+        tally = Tally()
+        tally.proposed = 200
+        clock = map(float, itertools.count())
+        return Finisher(context, placing, confirmed, lambda: next(clock), tally)
+
+    return make
+
+
+def test_nothing_is_shown_twice(make_finisher):
+    seen = []
+    finisher = make_finisher(lambda grasp: seen.append(grasp) is None)
+    first = finisher.best(4)
+    assert len(first) == 4
+    again = finisher.best(4)
+    assert [id(grasp) for grasp in again] == [id(grasp) for grasp in first]
+    assert len(seen) == finisher.n_seen == len({g.T_object_palm.tobytes() for g in seen}) == 5
+
+
+def test_what_was_not_seen_yet_is_offered_but_does_not_stand(make_finisher):
+    seen = []
+    finisher = make_finisher(lambda grasp: seen.append(grasp) is None)
+    [offered] = finisher.best(4, fresh=1, seen=False)
+    assert not seen
+    assert finisher.finished() == []
+    assert not finisher.stands(offered)
+    finisher.see()
+    assert [id(grasp) for grasp in seen] == [id(offered)]
+    assert [id(grasp) for grasp in finisher.finished()] == [id(offered)]
+    assert finisher.stands(offered)
+
+
+def test_what_the_scene_does_not_agree_with_is_dropped_whenever_it_looks(make_finisher):
+    finisher = make_finisher(lambda _grasp: False)
+    [offered] = finisher.best(4, fresh=1, seen=False)
+    finisher.see()
+    assert not finisher.stands(offered)
+    assert finisher.best(4) == []
+    assert finisher.finished() == []
+    assert finisher.n_disagreed == finisher.n_seen == 5
+    assert finisher.tally.lost[Step.CONFIRMED, Loss.SCENE] == 5
+
+
+def test_an_answer_is_never_of_what_was_not_seen(make_finisher):
+    odd = itertools.cycle([True, False])
+    finisher = make_finisher(lambda _grasp: next(odd))
+    finisher.best(4, fresh=2, seen=False)
+    answered = finisher.best(4)
+    assert answered
+    assert all(finisher.stands(grasp) for grasp in answered)
+    assert finisher.n_seen == 5
+
+
+def test_the_order_does_not_depend_on_when_the_scene_looks(make_finisher):
+    at_once, later = make_finisher(lambda _grasp: True), make_finisher(lambda _grasp: True)
+    for _ in range(5):
+        later.best(4, fresh=1, seen=False)
+        later.see()
+    for one, other in zip(at_once.best(4), later.best(4), strict=True):
+        assert one.T_object_palm.tobytes() == other.T_object_palm.tobytes()
+        assert one.epsilon == other.epsilon
+
+
+def test_no_candidate_is_begun_that_would_be_late_but_the_first(make_finisher):
+    finisher = make_finisher(lambda _grasp: True)
+    assert len(finisher.best(4, until=0.0)) == 1
+
+
+def test_the_cost_is_of_the_whole_finish(make_finisher):
+    """By the clock above: a second for the placing, one for PyBullet's look."""
+    finisher = make_finisher(lambda _grasp: True)
+    finisher.best(4, fresh=1, seen=False)
+    finisher.see()
+    assert finisher.cost_s == 2.0
+    assert finisher.time_for(4) == 4 * 2.0
+
+
+def test_pybullets_scene_agrees_with_grasps_and_not_with_one_that_is_moved(
+    make_finisher, context, planner
+):
+    part, prepared = context.part, planner.prepare(context.part)
+    settings = planner.settings.scene
+    with ConfirmingScene(part, planner.hand, part.friction, settings, prepared) as scene:
+        finisher = make_finisher(scene.agrees)
+        grasps = finisher.best(4)
+        assert grasps
+        away = np.array(grasps[0].T_object_palm)
+        away[:3, 3] -= 0.02 * away[:3, 2]
+        assert not scene.agrees(replace(grasps[0], T_object_palm=away))
+        off = replace(settings, confirm=False)
+        with ConfirmingScene(part, planner.hand, part.friction, off, prepared) as blind:
+            assert blind.agrees(replace(grasps[0], T_object_palm=away))
