@@ -108,9 +108,7 @@ class Finisher:
                 if late or fresh == 0:
                     continue
                 fresh = None if fresh is None else fresh - 1
-                self._finish(key, candidate)
-                if seen:
-                    self.see()
+                self._finish(key, candidate, seen)
             finished = self._known[key]
             if finished is not None:
                 done.append(finished.grasp)
@@ -125,14 +123,8 @@ class Finisher:
         """Show PyBullet's scene what it has not seen; what it does not agree with is dropped."""
         for key, spent_s in self._unseen.items():
             start = self.clock()
-            known = self._known[key]
-            if known is not None:
-                self.n_seen += 1
-                if not self.confirmed(known.grasp):
-                    self.tally.lose(Step.CONFIRMED, Loss.SCENE)
-                    self._known[key] = None
-            self._spent_s.append(spent_s + self.clock() - start)
-            self.cost_s = max(self._spent_s)  # time that is left is searched on
+            self._look(key)
+            self._learn(spent_s + self.clock() - start)
         self._unseen.clear()
 
     def finished(self) -> list[Grasp]:
@@ -206,11 +198,28 @@ class Finisher:
                 so_far.lose(Step.HELD, grasp.trials.outcomes[0].cause)
         return so_far.funnel(Step.HELD)
 
-    def _finish(self, key: bytes, candidate: Candidate) -> None:
-        """All but PyBullet's look."""
+    def _finish(self, key: bytes, candidate: Candidate, seen: bool) -> None:
         start = self.clock()
         self._known[key] = self._placed(candidate)
-        self._unseen[key] = self.clock() - start
+        if seen:
+            self._look(key)
+            self._learn(self.clock() - start)
+        else:
+            self._unseen[key] = self.clock() - start
+
+    def _look(self, key: bytes) -> None:
+        """PyBullet's look at what was placed."""
+        placed = self._known[key]
+        if placed is None:
+            return
+        self.n_seen += 1
+        if not self.confirmed(placed.grasp):
+            self.tally.lose(Step.CONFIRMED, Loss.SCENE)
+            self._known[key] = None
+
+    def _learn(self, spent_s: float) -> None:
+        self._spent_s.append(spent_s)
+        self.cost_s = max(self._spent_s)  # time that is left is searched on
 
     def _placed(self, candidate: Candidate) -> FinishedGrasp | None:
         grasp = grasp_of(candidate, self.context)
