@@ -105,6 +105,6 @@ class HoldRanking:
                 f"The time budget ended after the hold probability of {len(known)} of "
                 f"{len(grasps)} grasps.",
             )
-        objective = make_objective(self.settings)
+        objective = make_objective(self.settings, self.part)
         every = [*known, *grasps[len(known) :]]
         return sorted(every, key=lambda grasp: answer_rank(grasp, objective)), notes

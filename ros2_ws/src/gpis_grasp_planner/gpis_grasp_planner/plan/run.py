@@ -33,6 +33,7 @@ from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.surface_judge import SurfaceJudge
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -94,7 +95,7 @@ class PlanRun:
         self._owned = ExitStack()
         self._scene: BulletEvaluator | None = None
         self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
-        self._objective = make_objective(settings)
+        self._objective = make_objective(settings, part)
         self._evaluator, self._tally = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, self._objective)
         self._context = PlanningContext(
@@ -106,10 +107,13 @@ class PlanRun:
             settings=settings.search.with_spread_up_to(self.hand.spread_upper),
             rng=np.random.default_rng(request.seed),
             constraints=self._constraints,
-            reported=reported_measures(settings),
+            reported=reported_measures(settings, part),
         )
         self._search = make_search(request.planner, self._context)
-        self._finisher = Finisher(self._context, placing, self._confirm, monitor.now, self._tally)
+        judge = SurfaceJudge(part, self.hand, settings, prepared, request)
+        self._finisher = Finisher(
+            self._context, placing, self._confirm, monitor.now, self._tally, judge.judged
+        )
         self._hold = hold
         self._limit: HandLimit | None = None
         self._convergence: list[tuple[float, int, float]] = []
