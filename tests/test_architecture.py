@@ -54,7 +54,7 @@ OWNERS = {
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": (),
     "fast_simplification": ("geometry/simplification.py",),
-    "open3d": ("view/",),
+    "open3d": ("view/", "geometry/cloud/"),
     "matplotlib": ("view/",),
     **dict.fromkeys(
         ("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",

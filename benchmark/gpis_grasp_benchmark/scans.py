@@ -1,4 +1,4 @@
-"""Clouds as a depth camera would see a part: points that a ray from the camera meets, with noise."""
+"""Clouds as a depth camera would see a part: points that its rays meet, with noise."""
 
 from __future__ import annotations
 
@@ -46,17 +46,23 @@ def directions(count: int) -> Array:
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
 
 
-def seen_from(mesh: TriangleMesh, points: Array, normals: Array, viewpoints: Array) -> Array:
+def seen_from(
+    mesh: TriangleMesh, points: Array, normals: Array, viewpoints: Array
+) -> NDArray[np.bool_]:
     """Which surface points (n, 3) each viewpoint (k, 3) sees: (k, n) bool, by casting rays."""
     import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+    scene.add_triangles(
+        o3d.core.Tensor.from_numpy(mesh.vertices.astype(np.float32)),
+        o3d.core.Tensor.from_numpy(mesh.faces.astype(np.uint32)),
+    )
     start = points + _OFF_SURFACE_M * normals
     seen = np.zeros((len(viewpoints), len(points)), dtype=bool)
     for k, viewpoint in enumerate(viewpoints):
         rays = np.concatenate([start, viewpoint - start], axis=1).astype(np.float32)
-        free = ~scene.test_occlusions(o3d.core.Tensor(rays), tnear=0.0, tfar=1.0).numpy()
+        ends = o3d.core.Tensor.from_numpy(rays)
+        free = ~scene.test_occlusions(ends, tnear=0.0, tfar=1.0).numpy()
         seen[k] = free & (np.einsum("ij,ij->i", normals, viewpoint - points) > 0.0)
     return seen
 
@@ -74,7 +80,7 @@ def choose_viewpoints(mesh: TriangleMesh, share: float, seed: int) -> Array:
     ways = rng.normal(size=(_CANDIDATES, 3))
     viewpoints = middle + DISTANCE_M * ways / np.linalg.norm(ways, axis=1, keepdims=True)
     seen = seen_from(mesh, samples.points, samples.normals_outward, viewpoints)
-    sets = [(i,) for i in range(_CANDIDATES)]
+    sets: list[tuple[int, ...]] = [(i,) for i in range(_CANDIDATES)]
     sets += [tuple(rng.choice(_CANDIDATES, 2, replace=False)) for _ in range(_PAIRS)]
     off = [abs(float(seen[list(s)].any(axis=0).mean()) - share) for s in sets]
     chosen = np.argsort(off, kind="stable")[:5]
@@ -88,8 +94,9 @@ def scan(
     count = int(1e4 * density_per_cm2 * float(mesh.face_areas.sum()))
     samples = uniform_samples(mesh, count, seed)
     viewpoints = choose_viewpoints(mesh, share, seed)
-    seen = seen_from(mesh, samples.points, samples.normals_outward, viewpoints).any(axis=0)
-    if share >= 1.0:
-        seen[:] = True  # also what lies too deep for any camera
+    seen = np.ones(count, dtype=bool)  # of all of it: also what lies too deep for any camera
+    if share < 1.0:
+        by_view = seen_from(mesh, samples.points, samples.normals_outward, viewpoints)
+        seen = np.asarray(by_view.any(axis=0))
     noise = np.random.default_rng([seed, 1]).normal(scale=noise_m, size=(int(seen.sum()), 3))
     return Scan(samples.points[seen] + noise, viewpoints, float(seen.mean()))

@@ -67,8 +67,9 @@ def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
     Grasps that physics held come before untried ones, and those before grasps that failed. Within
     each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
     while it closes counts as less likely, and differences that a dozen trials cannot show are
-    none. Of a part that was scanned the probability counts times `surface_hold`. Then the likelier to
-    hold under the pose's covariance by the contact model, then what the objective makes of it.
+    none. Of a part that was scanned the probability counts times `surface_hold`. Then the likelier
+    to hold under the pose's covariance by the contact model, then what the objective makes of
+    it.
     """
     tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
     probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability

@@ -134,18 +134,11 @@ class Preparation:
         if arrays is None:
             return None
         surface = ImplicitSurface.from_arrays(_of_group("surface", arrays), self.settings.surface)
-        field = _of_group("field", arrays)
         return PreparedObject(
-            _field(field),
+            _field(_of_group("field", arrays)),
             TriangleTree(**_of_group("tree", arrays)),
             SurfaceAtlas(surface),
-            tuple(
-                (
-                    _field(_of_group(f"field{k}", arrays)),
-                    TriangleTree(**_of_group(f"tree{k}", arrays)),
-                )
-                for k in range(sum(name.endswith(".spacing") for name in arrays) - 1)
-            ),
+            tuple(_drawn(k, arrays) for k in range(_n_drawn(arrays))),
         )
 
     def _begun(self, part: Part) -> _SideBySide:
@@ -290,9 +283,8 @@ class _SideBySide:
                         ErrorCode.DEADLINE_EXCEEDED,
                     )
                 if on_share is not None:
-                    on_share(
-                        sum(w * self._shares[name] for name, w in self._weights.items()) / self._all
-                    )
+                    done = sum(w * self._shares[name] for name, w in self._weights.items())
+                    on_share(done / self._all)
         finally:
             self.n_waiting -= 1
         if self._error is not None:
@@ -307,6 +299,15 @@ def _key(part: Part) -> str:
     meshes = [part.mesh, *([] if part.simplified is None else [part.simplified])]
     meshes += [] if part.uncertainty is None else part.uncertainty.draws
     return "-".join(mesh.content_hash for mesh in meshes)
+
+
+def _n_drawn(arrays: Mapping[str, NDArray[Any]]) -> int:
+    return sum(name.endswith(".spacing") for name in arrays) - 1  # without the mesh's own field
+
+
+def _drawn(k: int, arrays: Mapping[str, NDArray[Any]]) -> tuple[DistanceField, TriangleTree]:
+    field = _field(_of_group(f"field{k}", arrays))
+    return field, TriangleTree(**_of_group(f"tree{k}", arrays))
 
 
 def _field(arrays: Mapping[str, NDArray[Any]]) -> DistanceField:

@@ -33,7 +33,6 @@ from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
 from gpis_grasp_planner.plan.settings import PlannerSettings
-from gpis_grasp_planner.plan.surface_judge import SurfaceJudge
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -70,8 +69,7 @@ class PlanRun:
     Parameters
     ----------
     part, settings, prepared
-    request : PlanRequest
-    place : Place
+    request, place : PlanRequest, Place
     placing, hold : GraspPlacing, HoldRanking
         Of this place.
     monitor : Monitor
@@ -110,9 +108,8 @@ class PlanRun:
             reported=reported_measures(settings, part),
         )
         self._search = make_search(request.planner, self._context)
-        judge = SurfaceJudge(part, self.hand, settings, prepared, request)
         self._finisher = Finisher(
-            self._context, placing, self._confirm, monitor.now, self._tally, judge.judged
+            self._context, placing, self._confirm, monitor.now, self._tally, hold.on_surfaces.judged
         )
         self._hold = hold
         self._limit: HandLimit | None = None
@@ -310,8 +307,7 @@ class PlanRun:
     def _answer_of(self, grasps: tuple[Grasp, ...], deadline: float | None) -> Answer:
         """Rank, choose, and say what came of it."""
         tried = self._tried_grasps()
-        monitor, request, part = self.monitor, self.request, self.part
-        finisher = self._finisher
+        monitor, request, part, finisher = self.monitor, self.request, self.part, self._finisher
         notes: tuple[str, ...] = ()
         if self.settings.scene.confirm and finisher.n_seen:
             notes += (

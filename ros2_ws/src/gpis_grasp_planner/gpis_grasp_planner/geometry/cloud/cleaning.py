@@ -20,9 +20,8 @@ _MOST_OUTLIERS = 0.5
 _PATCHES = 400
 _FIRST_NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 512
-_REACH = 3.0  # radius of a neighbourhood over the noise, for its plane to be seen
+_REACH = 5.0  # radius of a neighbourhood over the noise: 3.7 at most where there is no surface
 _QUANTILE = 0.3  # of the patches' residuals: those with an edge in them are the larger ones
-_SCATTER = 0.08  # noise over the largest extent above which there is no surface
 
 
 def to_open3d(points: Array) -> Any:
@@ -79,9 +78,9 @@ def noise_and_neighbours(points: Array, name: str) -> tuple[float, int]:
     """Standard deviation [m] of the points across the surface, and neighbours that show a plane.
 
     The residuals of quadrics ``z = a + b u + c v + d u^2 + e uv + f v^2`` in the local frame of
-    neighbourhoods, ``s^2 = SSR / (k - 6)``; k doubles until a neighbourhood reaches three times as
-    far as the noise. Of the patches the 30 % quantile counts, over that of the chi distribution: the
-    rest may have an edge in them, or another wall.
+    neighbourhoods, ``s^2 = SSR / (k - 6)``; k doubles until a neighbourhood reaches five times
+    as far as the noise. Of the patches the 30 % quantile counts, over that of the chi
+    distribution: the rest may have an edge in them, or another wall.
 
     Raises
     ------
@@ -99,16 +98,16 @@ def noise_and_neighbours(points: Array, name: str) -> tuple[float, int]:
         residual = _residuals(points[near])
         share = float(np.sqrt(chi2.ppf(_QUANTILE, k - 6) / (k - 6)))
         noise = float(np.quantile(residual, _QUANTILE)) / share
-        reach = float(np.median(distance[:, -1]))
+        reach = float(np.median(np.asarray(distance)[:, -1]))
         if reach >= _REACH * noise or 2 * k > min(_MOST_NEIGHBOURS, len(points) // 2):
             break
         k *= 2
     extent = float(np.ptp(points, axis=0).max())
-    if noise > _SCATTER * extent:
+    if reach < _REACH * noise:
         raise MeshError(
-            f"{name}: its points scatter by {1e3 * noise:.2g} mm about any surface, for an extent of "
-            f"{1e3 * extent:.3g} mm; at most {100.0 * _SCATTER:g} % are usable. Filter the scan, or "
-            "scan from nearer.",
+            f"{name}: its points scatter by {1e3 * noise:.2g} mm about any surface, for an extent "
+            f"of {1e3 * extent:.3g} mm: none can be seen in neighbourhoods of {k} points, which "
+            f"reach {1e3 * reach:.2g} mm. Filter the scan, or scan more densely.",
             ErrorCode.MESH_DEGENERATE,
         )
     return noise, k

@@ -1,6 +1,6 @@
 """The closed surface of a cloud's Gaussian process: its zero level, deviation and draws.
 
-Lengths are metres outside and half diagonals of the cloud inside, so that one kernel fits all parts.
+Lengths are metres outside and half diagonals of the cloud inside, so that one kernel fits all.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from gpis_grasp_planner.geometry.cloud.prior import Ellipsoid
 from gpis_grasp_planner.geometry.cloud.process import (
     Kernel,
     Observations,
+    Posterior,
     cholesky,
-    fit_weights,
-    posterior_shift,
     value_covariance,
 )
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -65,7 +64,7 @@ class CloudProcess:
         )
         x = self._seen.points
         self.prior = Ellipsoid.of(x, seen.normals_outward)
-        self._weights = fit_weights(
+        self._posterior = Posterior.of(
             _KERNEL, self._seen, self.prior.value(x), self.prior.gradient(x)
         )
 
@@ -74,10 +73,7 @@ class CloudProcess:
         return self._unit * self._value((points - self._middle) / self._unit)
 
     def _value(self, q: Array) -> Array:
-        q = np.ascontiguousarray(q)
-        return self.prior.value(q) + posterior_shift(
-            *_KERNEL.scalars, self._seen.points, self._weights, q
-        )
+        return self.prior.value(q) + self._posterior.shift(q)
 
     def grid(self, cells: int) -> Grid:
         """Values on a grid of so many cells along its longest axis."""
@@ -94,20 +90,8 @@ class CloudProcess:
         )
 
     def deviation(self, points: Array) -> Array:
-        """Standard deviation (n,) [m] of the value at points (n, 3): of values seen, not slopes."""
-        from scipy.linalg import solve_triangular
-
-        q = np.ascontiguousarray((points - self._middle) / self._unit)
-        cross = value_covariance(*_KERNEL.scalars, self._seen.points, q)
-        half = solve_triangular(self._factor(), cross, lower=True, check_finite=False)
-        left = value_covariance(*_KERNEL.scalars, q[:1], q[:1])[0, 0] - np.einsum(
-            "ij,ij->j", half, half
-        )
-        return self._unit * np.sqrt(left.clip(0.0))
-
-    def _factor(self) -> Array:
-        K = value_covariance(*_KERNEL.scalars, self._seen.points, self._seen.points)
-        return cholesky(K, self._seen.noise**2)
+        """Standard deviation (n,) [m] of the value at points (n, 3) [m]."""
+        return self._unit * self._posterior.deviation((points - self._middle) / self._unit)
 
     def draws(self, count: int, about: Array, at: Array, seed: int) -> Array:
         """What to add to the value at points (m, 3) for a draw: (count, m) [m].
@@ -115,17 +99,14 @@ class CloudProcess:
         Drawn at some points of the surface `about` (n, 3), and carried on from there as the
         kernel does.
         """
-        from scipy.linalg import cho_solve, solve_triangular
+        from scipy.linalg import cho_solve
 
         step = max(1, len(about) // _CONTROL)
         c = np.ascontiguousarray((about[::step] - self._middle) / self._unit)
         q = np.ascontiguousarray((at - self._middle) / self._unit)
         prior = value_covariance(*_KERNEL.scalars, c, c)
-        half = solve_triangular(
-            self._factor(), value_covariance(*_KERNEL.scalars, self._seen.points, c), lower=True
-        )
         floor = np.full(len(c), _CONTROL_JITTER)
-        root = cholesky(prior - half.T @ half, floor)
+        root = cholesky(self._posterior.covariance(c), floor)
         drawn = root @ np.random.default_rng(seed).standard_normal((len(c), count))
         weights = cho_solve((cholesky(prior, floor), True), drawn)
         return self._unit * (value_covariance(*_KERNEL.scalars, q, c) @ weights).T
@@ -157,7 +138,8 @@ def zero_level(grid: Grid, name: str) -> TriangleMesh:
         )
     # A value of exactly 0 would make faces without area.
     values[np.abs(values) < 1e-3 * grid.spacing] = 1e-3 * grid.spacing
-    volume = o3d.core.Tensor(np.ascontiguousarray(values.transpose(2, 1, 0), dtype=np.float32))
+    single = np.ascontiguousarray(values.transpose(2, 1, 0), dtype=np.float32)
+    volume = o3d.core.Tensor.from_numpy(single)
     made = o3d.t.geometry.TriangleMesh.create_isosurfaces(volume, [0.0])
     vertices = made.vertex.positions.numpy().astype(np.float64) * grid.spacing + grid.origin
     faces = made.triangle.indices.numpy().astype(np.int32)

@@ -87,6 +87,24 @@ def posterior_shift(a: float, s2: float, x: Array, weights: Array, queries: Arra
 
 
 @njit
+def observed_covariance(a: float, s2: float, x: Array, y: Array) -> Array:
+    """Covariance (4n, m) of values and gradients at points (n, 3) with values at (m, 3)."""
+    K = np.empty((4 * x.shape[0], y.shape[0]))
+    d = np.empty(3)
+    for i in range(x.shape[0]):
+        for j in range(y.shape[0]):
+            r2 = 0.0
+            for t in range(3):
+                d[t] = x[i, t] - y[j, t]
+                r2 += d[t] * d[t]
+            k, b, _ = matern(a, s2, math.sqrt(r2))
+            K[4 * i, j] = k
+            for t in range(3):
+                K[4 * i + 1 + t, j] = -b * d[t]
+    return K
+
+
+@njit
 def value_covariance(a: float, s2: float, x: Array, y: Array) -> Array:
     """Covariance (n, m) of the values at points (n, 3) and (m, 3)."""
     K = np.empty((x.shape[0], y.shape[0]))
@@ -121,31 +139,75 @@ class Observations:
     noise_normal: float
 
 
-def fit_weights(kernel: Kernel, seen: Observations, mean: Array, slope: Array) -> Array:
-    """The weights (n, 4) of values and gradients: ``(K + noise)^-1 (y - prior mean)``.
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """The process after what was seen.
 
-    Parameters
+    Attributes
     ----------
     kernel : Kernel
-    seen : Observations
-    mean, slope : (n,), (n, 3) arrays
-        The prior mean and its gradient at the points.
-
-    Raises
-    ------
-    MeshError
-        MESH_DEGENERATE for a covariance that no jitter makes definite.
+    points : (n, 3) array
+    factor : (4n, 4n) array
+        Lower Cholesky factor of the observations' covariance.
+    weights : (n, 4) array
+        Of values and gradients: ``(K + noise)^-1 (y - prior mean)``.
     """
-    from scipy.linalg import cho_solve
 
-    n = len(seen.points)
-    K = np.empty((4 * n, 4 * n))
-    fill_covariance(*kernel.scalars, np.ascontiguousarray(seen.points), K)
-    y = np.concatenate([-mean[:, None], seen.normals_outward - slope], axis=1)
-    noise = np.full((n, 4), seen.noise_normal**2)
-    noise[:, 0] = seen.noise**2
-    factor = cholesky(K, noise.reshape(-1))
-    return np.asarray(cho_solve((factor, True), y.reshape(-1))).reshape(n, 4)
+    kernel: Kernel
+    points: Array
+    factor: Array
+    weights: Array
+
+    @staticmethod
+    def of(kernel: Kernel, seen: Observations, mean: Array, slope: Array) -> Posterior:
+        """The posterior; the cost grows with n^3 (0.2 s for 600 on one core).
+
+        Parameters
+        ----------
+        kernel : Kernel
+        seen : Observations
+        mean, slope : (n,), (n, 3) arrays
+            The prior mean and its gradient at the points.
+
+        Raises
+        ------
+        MeshError
+            MESH_DEGENERATE for a covariance that no jitter makes definite.
+        """
+        from scipy.linalg import cho_solve
+
+        n = len(seen.points)
+        K = np.empty((4 * n, 4 * n))
+        points = np.ascontiguousarray(seen.points)
+        fill_covariance(*kernel.scalars, points, K)
+        y = np.concatenate([-mean[:, None], seen.normals_outward - slope], axis=1)
+        noise = np.full((n, 4), seen.noise_normal**2)
+        noise[:, 0] = seen.noise**2
+        factor = cholesky(K, noise.reshape(-1))
+        weights = np.asarray(cho_solve((factor, True), y.reshape(-1))).reshape(n, 4)
+        return Posterior(kernel, points, factor, weights)
+
+    def shift(self, x: Array) -> Array:
+        """What the mean (m,) at points (m, 3) is beyond the prior's: some 5 us a point."""
+        x = np.ascontiguousarray(x)
+        return np.asarray(posterior_shift(*self.kernel.scalars, self.points, self.weights, x))
+
+    def covariance(self, x: Array) -> Array:
+        """Covariance (m, m) of the values at points (m, 3)."""
+        half = self._half(x)
+        return np.asarray(value_covariance(*self.kernel.scalars, x, x) - half.T @ half)
+
+    def deviation(self, x: Array) -> Array:
+        """Standard deviation (m,) of the values at points (m, 3); 1 ms each for n = 600."""
+        half = self._half(x)
+        prior = float(value_covariance(*self.kernel.scalars, x[:1], x[:1])[0, 0])
+        return np.sqrt((prior - np.einsum("ij,ij->j", half, half)).clip(0.0))
+
+    def _half(self, x: Array) -> Array:
+        from scipy.linalg import solve_triangular
+
+        cross = observed_covariance(*self.kernel.scalars, self.points, np.ascontiguousarray(x))
+        return np.asarray(solve_triangular(self.factor, cross, lower=True, check_finite=False))
 
 
 def cholesky(K: Array, noise: Array) -> Array:

@@ -17,6 +17,7 @@ from gpis_grasp_planner.geometry.cloud.views import View, spacing_of, spread
 from gpis_grasp_planner.geometry.defects import Judged, judge
 from gpis_grasp_planner.geometry.formats.parsed_cloud import ParsedCloud
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.surface_samples import even_samples
 from gpis_grasp_planner.geometry.uncertainty import SurfaceUncertainty
 from gpis_grasp_planner.geometry.units import check_extent
 from gpis_grasp_planner.thread_limits import limited_threads
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 _DRAW_CELLS = 0.65  # of the mean surface's, along an axis
 _FLAT = 0.03  # thickness over the largest extent of what is no body but a sheet
 _FLAT_IN_NOISE = 5.0
-_UNSEEN_FACTOR = 3.0  # deviation over the median of what was seen, of what was not
+_DEVIATIONS = 800  # points at which the deviation is known
+_GUESS = 0.25  # deviation over the samples' spacing, of surface that was not seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,32 +77,32 @@ def reconstruct(
     oriented = outward_normals(points, neighbours, own, views)
     seen = observations(points, oriented.normals_outward, measured, settings.cloud_samples)
     process = CloudProcess(seen)
-    carving = [] if not settings.cloud_carving else spread(cloud.viewpoints)
-    views = [View.of(points, v, spacing, measured) for v in carving]
+    carving = settings.cloud_carving and len(cloud.viewpoints) > 0
+    chosen = spread(cloud.viewpoints) if carving else ()
+    views = [View.of(points, v, spacing, measured) for v in chosen]
     mean = zero_level(_carved(process.grid(settings.cloud_cells), views), name)
-    judged = judge(
-        mean.vertices, mean.faces.astype(np.int64), name=name, unit=unit, settings=settings
-    )
-    vertices = judged.mesh.vertices
-    deviation = process.deviation(vertices)
+    faces = mean.faces.astype(np.int64)
+    judged = judge(mean.vertices, faces, name=name, unit=unit, settings=settings)
+    at = even_samples(judged.mesh, _DEVIATIONS, seed=0).points
+    deviation = process.deviation(at)
     draws = _draws(process, judged.mesh, views, settings, name)
     n_out = len(first) - len(kept)
-    guessed = deviation > _UNSEEN_FACTOR * max(np.median(seen.noise), 0.25 * measured) + 1e-3
+    guessed = float((deviation > _GUESS * spacing_of(seen.points)).mean())
     how = "as set" if settings.cloud_noise_m else "estimated"
     notes = (
         f"Reconstructed from a cloud of {len(cloud.points)} points ({n_out} outliers left out, "
-        f"noise {1e3 * measured:.2g} mm {how}): a closed surface of {len(judged.mesh.faces)} faces; "
-        f"{100.0 * float(guessed.mean()):.0f} % of it was not seen and is a guess.",
+        f"noise {1e3 * measured:.2g} mm {how}); of the closed surface about "
+        f"{100.0 * guessed:.0f} % was not seen and is a guess.",
         oriented.note,
         *(_carving_note(len(views)) if views else ()),
     )
-    return Reconstruction(judged, SurfaceUncertainty(vertices, deviation, draws), notes)
+    return Reconstruction(judged, SurfaceUncertainty(at, deviation, draws), notes)
 
 
 def _carving_note(n: int) -> tuple[str, ...]:
     return (
-        f"Outside the silhouette from {n} viewpoint{'s' if n > 1 else ''} the part was taken to be "
-        "absent: the cloud must be all that was seen of it (else set catalogue.cloud_carving false).",
+        f"What is outside the silhouette from {n} viewpoint{'s' if n > 1 else ''} was taken as "
+        "empty: the cloud must be all that was seen (else set catalogue.cloud_carving to false).",
     )
 
 

@@ -41,7 +41,7 @@ def observations(points: Array, normals: Array, noise: float, count: int) -> Obs
 
     chosen = farthest_points(points, normals, count)
     apart, _ = cKDTree(points[chosen]).query(points[chosen], k=2)
-    spacing = float(np.median(apart[:, 1]))
+    spacing = float(np.median(np.asarray(apart)[:, 1]))
     tree = cKDTree(points)
     out, directions, deviation = np.empty((3, len(chosen), 3))
     for row, (i, members) in enumerate(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_NEIGHBOURS = 8
+_NEIGHBOURS = 16  # looked at on a ray: those of the nearer wall must be among them
 _SIDE = 1.5  # of a ray's width to either side, in the points' spacing
 _DEPTH = 3.0  # tolerance of depths, in the noise and in the spacing
 _MOST_CARVING = 6  # viewpoints that carve: a few that are far apart say nearly all
@@ -63,10 +63,13 @@ class View:
         least = np.where(angle <= self.width, self.depth[near], np.inf).min(axis=1)
         return depth, least, angle[:, 0]
 
-    def sees(self, points: Array) -> NDArray[np.bool_]:
-        """Which points (m, 3) of the cloud have nothing before them (m,)."""
+    def sees(self, points: Array, behind: float = 0.0) -> NDArray[np.bool_]:
+        """Which points (m, 3) of the cloud have nothing before them (m,).
+
+        By more than the tolerance, or by that share of the cloud's depth where it is more.
+        """
         depth, least, _ = self._first(points)
-        return depth <= least + self.tolerance
+        return depth <= least + max(self.tolerance, behind * float(np.ptp(self.depth)))
 
     def emptiness(self, points: Array) -> Array:
         """At least how far points (m, 3) are outside the body [m]; negative: nothing is known.
@@ -93,4 +96,4 @@ def spacing_of(points: Array) -> float:
     from scipy.spatial import cKDTree
 
     distance, _ = cKDTree(points).query(points, k=5)
-    return float(np.median(distance[:, 4])) / np.sqrt(2.0)
+    return float(np.median(np.asarray(distance)[:, 4])) / np.sqrt(2.0)

@@ -93,8 +93,8 @@ def _columns(header: dict[str, list[str]], name: str) -> list[tuple[str, str, in
         dtype = _TYPES.get(kind.upper() + size)
         if dtype is None or not n.isdecimal() or not 0 < int(n) <= 1000:
             raise MeshError(
-                f"{name}: field '{field[:40]}' has type {kind[:10]!r}, size {size[:10]!r} and count "
-                f"{n[:10]!r}, which is no PCD. Export it again."
+                f"{name}: field '{field[:40]}' has type {kind[:10]!r}, size {size[:10]!r} and "
+                f"count {n[:10]!r}, which is no PCD. Export it again."
             )
         columns.append((field, dtype, int(n)))
     return columns

@@ -1,4 +1,4 @@
-"""XYZ: a point a line, of three numbers, or six with its normal; further columns are passed over."""
+"""XYZ: a point a line, three numbers, or six with its normal; further columns are passed over."""
 
 from __future__ import annotations
 
