@@ -21,6 +21,7 @@ _PATCHES = 400
 _FIRST_NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 512
 _REACH = 5.0  # radius of a neighbourhood over the noise: 3.7 at most where there is no surface
+_REACH_OF_NORMALS = 3.0  # a normal's neighbourhood is as small as it may be, for small features
 _QUANTILE = 0.3  # of the patches' residuals: those with an edge in them are the larger ones
 
 
@@ -92,7 +93,7 @@ def noise_and_neighbours(points: Array, name: str) -> tuple[float, int]:
 
     tree = cKDTree(points)
     chosen = np.random.default_rng(0).choice(len(points), min(_PATCHES, len(points)), replace=False)
-    k = min(_FIRST_NEIGHBOURS, len(points) // 4)
+    k = first = min(_FIRST_NEIGHBOURS, len(points) // 4)
     while True:
         distance, near = tree.query(points[chosen], k=k)
         residual = _residuals(points[near])
@@ -101,6 +102,8 @@ def noise_and_neighbours(points: Array, name: str) -> tuple[float, int]:
         reach = float(np.median(np.asarray(distance)[:, -1]))
         if reach >= _REACH * noise or 2 * k > min(_MOST_NEIGHBOURS, len(points) // 2):
             break
+        if reach < _REACH_OF_NORMALS * noise:
+            first = 2 * k
         k *= 2
     extent = float(np.ptp(points, axis=0).max())
     if reach < _REACH * noise:
@@ -110,7 +113,7 @@ def noise_and_neighbours(points: Array, name: str) -> tuple[float, int]:
             f"reach {1e3 * reach:.2g} mm. Filter the scan, or scan more densely.",
             ErrorCode.MESH_DEGENERATE,
         )
-    return noise, k
+    return noise, first
 
 
 def _residuals(groups: Array) -> Array:
