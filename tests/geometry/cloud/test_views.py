@@ -28,7 +28,7 @@ def test_nothing_inside_is_called_empty_and_most_of_what_is_beside_is(rng):
 def test_the_back_of_a_ball_is_not_seen(rng):
     points, normals = sphere_points(rng, 6000)
     view = View.of(points, EYE, spacing_of(points), 0.0)
-    seen = view.sees(points)
+    seen = view.sees()
     assert seen[normals[:, 2] > 0.3].mean() > 0.99
     # Where the points leave a hole before it, it is called seen.
     assert seen[normals[:, 2] < -0.5].mean() < 0.03
@@ -36,7 +36,9 @@ def test_the_back_of_a_ball_is_not_seen(rng):
 
 def test_of_many_viewpoints_six_that_are_far_apart(rng):
     ways = rng.normal(size=(40, 3))
-    chosen = spread(ways)
+    chosen = spread(ways, 6)
     assert len(chosen) == 6
     assert len(np.unique(chosen, axis=0)) == 6
-    assert len(spread(ways[:2])) == 2
+    assert len(spread(ways[:2], 6)) == 2
+    assert spread(ways[:0], 6).shape == (0, 3)
+    assert spread(ways, 0).shape == (0, 3)

@@ -20,7 +20,7 @@ _MOST_OUTLIERS = 0.5
 _PATCHES = 400
 _FIRST_NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 512
-_REACH = 5.0  # radius of a neighbourhood over the noise: 3.7 at most where there is no surface
+_REACH = 4.0  # radius of a neighbourhood over the noise: 3.7 at most where there is no surface
 _REACH_OF_NORMALS = 3.0  # a normal's neighbourhood is as small as it may be, for small features
 _QUANTILE = 0.3  # of the patches' residuals: those with an edge in them are the larger ones
 
@@ -79,7 +79,7 @@ def noise_and_neighbours(points: Array, name: str) -> tuple[float, int]:
     """Standard deviation [m] of the points across the surface, and neighbours that show a plane.
 
     The residuals of quadrics ``z = a + b u + c v + d u^2 + e uv + f v^2`` in the local frame of
-    neighbourhoods, ``s^2 = SSR / (k - 6)``; k doubles until a neighbourhood reaches five times
+    neighbourhoods, ``s^2 = SSR / (k - 6)``; k doubles until a neighbourhood reaches four times
     as far as the noise. Of the patches the 30 % quantile counts, over that of the chi
     distribution: the rest may have an edge in them, or another wall.
 

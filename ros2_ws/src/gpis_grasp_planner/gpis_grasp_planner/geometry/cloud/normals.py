@@ -53,7 +53,7 @@ def outward_normals(
     if views:
         normals = _towards(points, normals, views)
         n = len(views)
-        seen = np.any([view.sees(points, _BEHIND) for view in views], axis=0)
+        seen = np.any([view.sees(_BEHIND) for view in views], axis=0)
         hidden = 1.0 - float(seen.mean())
         given = f"{n} viewpoint{'s' if n > 1 else ''} given"
         note = f"Normals point to where the sensor stood ({given})."
@@ -96,7 +96,7 @@ def _towards(points: Array, normals: Array, views: Sequence[View]) -> Array:
     vote = np.zeros(len(points))
     for view in views:
         cosine = np.einsum("ij,ij->i", normals, view.viewpoint - points) / view.depth
-        vote += np.where(view.sees(points), cosine, 0.0)
+        vote += np.where(view.sees(), cosine, 0.0)
     _, near = cKDTree(points).query(points, k=min(_NEIGHBOUR_VOTES, len(points)))
     alike = np.einsum("ij,ikj->ik", normals, normals[near])
     alike *= np.abs(alike)

@@ -13,7 +13,13 @@ from gpis_grasp_planner.geometry.cloud.cleaning import inliers, noise_and_neighb
 from gpis_grasp_planner.geometry.cloud.closed_surface import CloudProcess, Grid, zero_level
 from gpis_grasp_planner.geometry.cloud.normals import outward_normals
 from gpis_grasp_planner.geometry.cloud.samples import observations
-from gpis_grasp_planner.geometry.cloud.views import View, spacing_of, spread
+from gpis_grasp_planner.geometry.cloud.views import (
+    MOST_CARVING,
+    MOST_ORIENTING,
+    View,
+    spacing_of,
+    spread,
+)
 from gpis_grasp_planner.geometry.defects import Judged, judge
 from gpis_grasp_planner.geometry.formats.parsed_cloud import ParsedCloud
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -73,13 +79,13 @@ def reconstruct(
     measured = settings.cloud_noise_m or noise
     _refuse_sheet(points, measured, name)
     spacing = spacing_of(points)
-    views = [View.of(points, v, spacing, measured) for v in cloud.viewpoints]
+    orienting = spread(cloud.viewpoints, MOST_ORIENTING)
+    views = [View.of(points, v, spacing, measured) for v in orienting]
     oriented = outward_normals(points, neighbours, own, views)
     seen = observations(points, oriented.normals_outward, measured, settings.cloud_samples)
     process = CloudProcess(seen)
-    carving = settings.cloud_carving and len(cloud.viewpoints) > 0
-    chosen = spread(cloud.viewpoints) if carving else ()
-    views = [View.of(points, v, spacing, measured) for v in chosen]
+    carving = spread(cloud.viewpoints, MOST_CARVING if settings.cloud_carving else 0)
+    views = [View.of(points, v, spacing, measured) for v in carving]
     mean = zero_level(_carved(process.grid(settings.cloud_cells), views), name)
     faces = mean.faces.astype(np.int64)
     judged = judge(mean.vertices, faces, name=name, unit=unit, settings=settings)

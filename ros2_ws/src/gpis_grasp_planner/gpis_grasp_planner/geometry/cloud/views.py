@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ Array = NDArray[np.float64]
 _NEIGHBOURS = 16  # looked at on a ray: those of the nearer wall must be among them
 _SIDE = 1.5  # of a ray's width to either side, in the points' spacing
 _DEPTH = 3.0  # tolerance of depths, in the noise and in the spacing
-_MOST_CARVING = 6  # viewpoints that carve: a few that are far apart say nearly all
+MOST_CARVING = 6  # viewpoints that carve: a few that are far apart say nearly all
+MOST_ORIENTING = 12  # viewpoints that decide the sides of normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,25 +53,23 @@ class View:
             cKDTree(way / depth[:, None]),
         )
 
-    def _first(self, points: Array) -> tuple[Array, Array, Array]:
-        """Depth of points (m, 3), the least depth of the cloud on their rays, and how far off.
+    @cached_property
+    def _least(self) -> Array:
+        """The least depth of the cloud on the rays of its own points (n,) [m]."""
+        return self._met(self.tree.data)[0]
 
-        The least depth is infinite on a ray that meets nothing; the third array is the angle [rad]
-        to the nearest point of the cloud.
-        """
-        way = points - self.viewpoint
-        depth = np.linalg.norm(way, axis=1)
-        angle, near = self.tree.query(way / depth[:, None], k=_NEIGHBOURS)
+    def _met(self, directions: Array) -> tuple[Array, Array]:
+        """Least depth on rays (m, 3), infinite where they meet nothing; angle to what is nearest."""
+        angle, near = self.tree.query(directions, k=_NEIGHBOURS)
         least = np.where(angle <= self.width, self.depth[near], np.inf).min(axis=1)
-        return depth, least, angle[:, 0]
+        return np.asarray(least), angle[:, 0]
 
-    def sees(self, points: Array, behind: float = 0.0) -> NDArray[np.bool_]:
-        """Which points (m, 3) of the cloud have nothing before them (m,).
+    def sees(self, behind: float = 0.0) -> NDArray[np.bool_]:
+        """Which points of the cloud have nothing before them (n,).
 
         By more than the tolerance, or by that share of the cloud's depth where it is more.
         """
-        depth, least, _ = self._first(points)
-        return depth <= least + max(self.tolerance, behind * float(np.ptp(self.depth)))
+        return self.depth <= self._least + max(self.tolerance, behind * float(np.ptp(self.depth)))
 
     def emptiness(self, points: Array) -> Array:
         """At least how far points (m, 3) are outside the body [m]; negative: nothing is known.
@@ -77,15 +77,17 @@ class View:
         Before what was seen, and beside the silhouette, where the ray met nothing at all: the cloud
         must be all that was seen of the part.
         """
-        depth, least, angle = self._first(points)
+        way = points - self.viewpoint
+        depth = np.linalg.norm(way, axis=1)
+        least, angle = self._met(way / depth[:, None])
         beside = (angle - self.width) * depth
         return np.where(np.isfinite(least), least - depth - self.tolerance, beside)
 
 
-def spread(viewpoints: Array) -> Array:
-    """At most six of the viewpoints (k, 3), far from each other."""
-    chosen = [0]
-    while len(chosen) < min(_MOST_CARVING, len(viewpoints)):
+def spread(viewpoints: Array, most: int) -> Array:
+    """At most so many of the viewpoints (k, 3), far from each other."""
+    chosen = [0][: min(most, len(viewpoints))]
+    while len(chosen) < min(most, len(viewpoints)):
         off = np.linalg.norm(viewpoints[:, None] - viewpoints[chosen], axis=2).min(axis=1)
         chosen.append(int(off.argmax()))
     return viewpoints[chosen]
