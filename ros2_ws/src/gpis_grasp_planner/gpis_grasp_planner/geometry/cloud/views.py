@@ -59,7 +59,7 @@ class View:
         return self._met(self.tree.data)[0]
 
     def _met(self, directions: Array) -> tuple[Array, Array]:
-        """Least depth on rays (m, 3), infinite where they meet nothing; angle to what is nearest."""
+        """Least depth on rays (m, 3), infinite where they meet nothing; angle to the nearest."""
         angle, near = self.tree.query(directions, k=_NEIGHBOURS)
         least = np.where(angle <= self.width, self.depth[near], np.inf).min(axis=1)
         return np.asarray(least), angle[:, 0]
