@@ -173,7 +173,7 @@ def surrounding_meshes(around: Surroundings, part_points: Array) -> dict[str, Tr
     """The support as a slab under the part's points (n, 3) [m], boxes and meshes; all by name."""
     meshes = {}
     middle = part_points.mean(axis=0)
-    size = 3.0 * float(np.linalg.norm(np.ptp(part_points, axis=0)))
+    size = 2.0 * float(np.linalg.norm(np.ptp(part_points, axis=0)))
     for number, thing in enumerate(around.obstacles):
         if isinstance(thing, BoxObstacle):
             mesh = slab(thing.pose, thing.size)

@@ -6,9 +6,11 @@ Only this module speaks viser. The part, the hand and what belongs to a grasp li
 
 from __future__ import annotations
 
+import io
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,7 @@ _CONTACT, _NORMAL, _AROUND = (219, 13, 18), (25, 140, 242), (150, 158, 150)
 _FORCE, _TORQUE, _MODEL = (190, 30, 190), (120, 90, 220), (40, 160, 90)
 _FRAME_S = 0.05
 _ARROW_M = 0.05
+_WRENCH_M = 0.15  # of a wrench of length 1
 _LAYERS = ("part", "hand", "contacts", "weakest direction", "surroundings", "arm", "model")
 
 
@@ -61,8 +64,10 @@ class GraspPage:
                 "pip install 'gpis-grasp-planner[view]'."
             ) from None
         self._lock = threading.RLock()
+        self._playing = threading.Lock()
         self._scene = scene
-        self._server = viser.ViserServer(host, port, label="gpis-grasp view", verbose=False)
+        with redirect_stdout(io.StringIO()):  # it would print a box of its own
+            self._server = viser.ViserServer(host, port, label="gpis-grasp view", verbose=False)
         self._nodes: dict[str, list[Any]] = {layer: [] for layer in _LAYERS}
         self._rows: list[int] = []
         self._frames: Sequence[Any] = ()
@@ -108,7 +113,8 @@ class GraspPage:
         self._object = server.add_frame("/object", show_axes=False)
         _place(self._object, scene.place.T_world_object)
         self._part = server.add_frame("/object/part", show_axes=False)
-        self._mesh("part", "/object/part/mesh", scene.part.mesh, _PART)
+        # contacts' cones and the weakest direction begin inside of it
+        self._mesh("part", "/object/part/mesh", scene.part.mesh, _PART, opacity=0.75)
         for name, mesh in scene.surroundings().items():
             self._mesh("surroundings", f"/around/{name}", mesh, _AROUND, opacity=0.6)
         self._links = []
@@ -121,7 +127,7 @@ class GraspPage:
         self._arm_links: list[Any] = []
         points = scene.part.mesh.bounds
         middle = scene.place.T_world_object @ np.append(points.mean(axis=0), 1.0)
-        distance = scene.part.mesh.diagonal + 0.35
+        distance = scene.part.mesh.diagonal + 0.25
         self._server.initial_camera.look_at = middle[:3]
         self._server.initial_camera.position = middle[:3] + distance * np.array([0.7, -0.7, 0.45])
 
@@ -151,10 +157,10 @@ class GraspPage:
     def _add_controls(self) -> None:
         gui = self._server.gui
         self._news = gui.add_markdown(f"**{self._scene.part.mesh_id}**, {self._scene.hand.name}")
-        self._order = gui.add_dropdown("sort by", ORDERS)
-        self._choice = gui.add_dropdown("grasp", ("none",))
+        self._order: Any = gui.add_dropdown("sort by", ORDERS)
+        self._choice: Any = gui.add_dropdown("grasp", ("none",))
         self._figures = gui.add_markdown("")
-        self._moment = gui.add_slider("moment", 0, 1, 1, 1)
+        self._moment: Any = gui.add_slider("moment", 0, 1, 1, 1)
         self._phase = gui.add_markdown("")
         play = gui.add_button("play")
         self._layers = {}
@@ -233,7 +239,7 @@ class GraspPage:
             ("force", weakest.force, _FORCE),
             ("torque", weakest.torque, _TORQUE),
         ):
-            ends = np.stack([weakest.point, weakest.point + 2.0 * _ARROW_M * vector])
+            ends = np.stack([weakest.point, weakest.point + _WRENCH_M * vector])
             self._arrows("weakest direction", name, ends[None], color)
 
     def _arrows(self, layer: str, name: str, ends: Array, color: Color) -> None:
@@ -241,9 +247,9 @@ class GraspPage:
             f"/object/part/{name}",
             ends.astype(np.float32),
             color,
-            shaft_radius=0.0012,
-            head_radius=0.003,
-            head_length=0.008,
+            shaft_radius=0.002,
+            head_radius=0.005,
+            head_length=0.012,
         )
         self._nodes[layer].append(node)
 
@@ -261,6 +267,14 @@ class GraspPage:
                     _place(node, T)
 
     def _play(self) -> None:
+        if not self._playing.acquire(blocking=False):
+            return
+        try:
+            self._run_through()
+        finally:
+            self._playing.release()
+
+    def _run_through(self) -> None:
         for number in range(len(self._frames)):
             self._moment.value = number
             self._move()
