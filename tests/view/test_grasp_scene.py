@@ -40,7 +40,7 @@ def deepest(scene, frame, field, points: SurfacePoints) -> float:
 
 
 def test_no_moment_of_the_motion_passes_through_the_part(scene):
-    field = DistanceField(scene.part.mesh)
+    field = DistanceField.of(scene.part.mesh)
     points = kept_surface_points(scene.hand)
     assert len(scene.grasps) >= 2
     for grasp in scene.grasps[:4]:

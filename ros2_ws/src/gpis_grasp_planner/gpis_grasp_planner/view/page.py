@@ -99,7 +99,7 @@ class GraspPage:
     def add_model(self, meshes: Sequence[TriangleMesh], charts: Sequence[Array]) -> None:
         """Show ellipsoids, and charts as closed lines (n, 3) [m], all in the object's frame."""
         for number, mesh in enumerate(meshes):
-            self._mesh("model", f"/object/model/{number}", mesh, _MODEL, opacity=0.12)
+            self._mesh("model", f"/object/model/{number}", mesh, _MODEL, wireframe=True)
         for number, ring in enumerate(charts):
             lines = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
             node = self._server.scene.add_line_segments(
@@ -116,7 +116,7 @@ class GraspPage:
         # contacts' cones and the weakest direction begin inside of it
         self._mesh("part", "/object/part/mesh", scene.part.mesh, _PART, opacity=0.75)
         for name, mesh in scene.surroundings().items():
-            self._mesh("surroundings", f"/around/{name}", mesh, _AROUND, opacity=0.6)
+            self._mesh("surroundings", f"/around/{name}", mesh, _AROUND)
         self._links = []
         for link, name in enumerate(scene.hand.link_names):
             self._links.append(server.add_frame(f"/object/hand/{name}", show_axes=False))
@@ -141,7 +141,13 @@ class GraspPage:
             self._mesh("arm", path, arm_shape(body), _ARM, opacity=0.8)
 
     def _mesh(
-        self, layer: str, path: str, mesh: TriangleMesh, color: Color, opacity: float | None = None
+        self,
+        layer: str,
+        path: str,
+        mesh: TriangleMesh,
+        color: Color,
+        opacity: float | None = None,
+        wireframe: bool = False,
     ) -> None:
         node = self._server.scene.add_mesh_simple(
             path,
@@ -149,7 +155,8 @@ class GraspPage:
             mesh.faces.astype(np.uint32),
             color=color,
             opacity=opacity,
-            flat_shading=True,
+            wireframe=wireframe,
+            flat_shading=not wireframe,
             side="double",
         )
         self._nodes[layer].append(node)
@@ -178,7 +185,9 @@ class GraspPage:
     def _show_layers(self) -> None:
         for layer, nodes in self._nodes.items():
             for node in nodes:
-                node.visible = self._layers[layer].value
+                # without a grasp the hand has no place
+                there = layer != "hand" or bool(self._frames)
+                node.visible = self._layers[layer].value and there
 
     def _sort(self) -> None:
         with self._lock:
@@ -205,8 +214,7 @@ class GraspPage:
                 self._nodes[layer] = []
             if not self._rows or self._choice.value not in self._choice.options:
                 self._frames = ()
-                for node in self._nodes["hand"]:
-                    node.visible = False
+                self._show_layers()
                 return
             grasp = self._scene.grasps[self._rows[self._choice.options.index(self._choice.value)]]
             self._figures.content = (
@@ -226,7 +234,7 @@ class GraspPage:
     def _add_contacts(self, grasp: Any) -> None:
         contacts = grasp.contacts
         for number, mesh in enumerate(friction_cones(grasp)):
-            self._mesh("contacts", f"/object/part/cone{number}", mesh, _CONTACT, opacity=0.45)
+            self._mesh("contacts", f"/object/part/cone{number}", mesh, _CONTACT)
         normals = np.stack(
             [contacts.positions - _ARROW_M * contacts.normals_inward, contacts.positions], axis=1
         )
