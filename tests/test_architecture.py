@@ -54,7 +54,7 @@ OWNERS = {
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": (),
     "fast_simplification": ("geometry/simplification.py",),
-    "open3d": ("view/",),
+    "open3d": ("view/", "geometry/cloud/"),
     "matplotlib": ("view/",),
     "viser": ("view/page.py",),
     "playwright": (),
