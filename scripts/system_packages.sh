@@ -52,6 +52,7 @@ look() {
         if [ -n "$python" ]; then has_library "${library%%=*}" && continue; fi
         missing+=("${library%%=*} (needed by Open3D)|${library##*=}")
     done
+    command -v chromium >/dev/null || missing+=("Chromium (tests of the viewer)|chromium")
     if command -v dpkg >/dev/null && [ ! -e /etc/ssl/certs/ca-certificates.crt ]; then
         missing+=("certificates for downloads|ca-certificates")
     fi

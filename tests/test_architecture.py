@@ -54,8 +54,10 @@ OWNERS = {
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": (),
     "fast_simplification": ("geometry/simplification.py",),
-    "open3d": ("view/",),
+    "open3d": ("view/", "geometry/cloud/"),
     "matplotlib": ("view/",),
+    "viser": ("view/page.py",),
+    "playwright": (),
     **dict.fromkeys(
         ("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
          "gpis_grasp_msgs", "moveit_msgs", "rcl_interfaces", "sensor_msgs", "std_msgs",

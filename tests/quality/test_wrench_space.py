@@ -1,5 +1,6 @@
 """Epsilon and volume: answers known by hand, the original simulator's figures, and invariances."""
 
+import itertools
 import json
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from gpis_grasp_planner.quality.wrench_space import (
     grasp_quality,
     hull_quality,
     tangents,
+    weakest_direction,
 )
 
 ORIGIN = np.zeros(3)
@@ -313,3 +315,16 @@ def test_fallbacks_after_qhull_gives_up(monkeypatch, random_grasps):
 
     monkeypatch.setattr(scipy.spatial, "ConvexHull", hopeless)
     assert quality(contacts) == Quality(-1.0, 0.0)
+
+
+def test_the_weakest_direction_of_a_box_is_across_its_thinnest_side():
+    half = np.array([3.0, 2.0, 0.5, 4.0, 1.0, 5.0])
+    corners = half * np.array(list(itertools.product((-1.0, 1.0), repeat=6)))
+    found = weakest_direction(corners)
+    assert found is not None
+    np.testing.assert_allclose(np.abs(found), [0, 0, 1, 0, 0, 0], atol=1e-9)
+    assert (corners @ found).max() == pytest.approx(hull_quality(corners).epsilon) == 0.5
+
+
+def test_flat_wrenches_have_no_weakest_direction():
+    assert weakest_direction(np.eye(6)) is None

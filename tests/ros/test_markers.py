@@ -57,3 +57,19 @@ def test_the_arrow_ends_at_the_contact_and_points_inward() -> None:
     tail, head = arrow.points
     assert head == sphere.pose.position
     assert np.isclose(head.z - tail.z, NORMAL_LENGTH_M)
+
+
+def test_boxes_of_a_hand_are_shown_where_the_urdf_has_them() -> None:
+    hand = load_hand("parallel_jaw")
+    message = grasp()
+    message.grasp.name = list(hand.joint_names)
+    message.grasp.position = [0.0] * hand.n_joints
+    urdf = urdf_text(hand)
+    markers = [m for m in GraspMarkers(hand, urdf).array(message).markers if m.ns == "hand"]
+    assert len(markers) == len(ET.fromstring(urdf).findall("link/visual/geometry/box")) > 0
+    assert {m.type for m in markers} == {Marker.CUBE}
+    base = markers[
+        0
+    ]  # the palm link's first: 76 x 76 x 62 mm, its middle 31 mm above the palm frame
+    assert [base.scale.x, base.scale.y, base.scale.z] == [0.076, 0.076, 0.062]
+    assert np.isclose(base.pose.position.z, 1.031)

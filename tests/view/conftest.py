@@ -1,5 +1,8 @@
 """A small part and a posture of the hand around it."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -27,3 +30,20 @@ def grasp():
         links=np.array([7, 8]),
     )
     return GraspView(block, hand, T_object_palm, joints, contacts)
+
+
+@pytest.fixture(scope="session")
+def mug_document(tmp_path_factory):
+    """Grasps of the mug on a table, planned by the command line as a user would."""
+    path = tmp_path_factory.mktemp("view") / "mug.json"
+    options = "--support lowest --seed 3 --evaluations 1500 --time 60 --verify none --json"
+    subprocess.run(
+        [
+            sys.executable,
+            *("-m", "gpis_grasp_planner.cli.main", "plan", "mug"),
+            *options.split(),
+            path,
+        ],
+        check=True,
+    )
+    return path

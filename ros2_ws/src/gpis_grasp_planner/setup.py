@@ -49,6 +49,7 @@ setup(
     extras_require={
         "mujoco": ["mujoco"],  # verification.engine
         "arm": ["coal", "eaik"],  # arm.model
+        "view": ["viser"],  # gpis-grasp view
     },
     entry_points={
         "console_scripts": [

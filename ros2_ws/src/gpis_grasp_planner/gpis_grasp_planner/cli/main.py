@@ -24,6 +24,7 @@ from gpis_grasp_planner.cli import (
     settings,
     store,
     verify,
+    view,
 )
 from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED, MEANINGS
 from gpis_grasp_planner.cli.parser import CommandParser, add_common
@@ -34,6 +35,7 @@ COMMANDS = {
     "plan-all": plan_all,
     "render": render,
     "verify": verify,
+    "view": view,
     "meshes": meshes,
     "hand": hand,
     "settings": settings,

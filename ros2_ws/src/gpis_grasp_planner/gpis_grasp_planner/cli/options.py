@@ -283,11 +283,11 @@ def find_part(
     """
     from gpis_grasp_planner.errors import MeshError, RequestError
     from gpis_grasp_planner.geometry.catalogue import load_part
-    from gpis_grasp_planner.geometry.mesh_file import MESH_SUFFIXES
+    from gpis_grasp_planner.geometry.mesh_file import PART_SUFFIXES
     from gpis_grasp_planner.plan.document import MeshSource
 
     path = Path(mesh)
-    named = os.sep in mesh or path.suffix.lower() in MESH_SUFFIXES
+    named = os.sep in mesh or path.suffix.lower() in PART_SUFFIXES
     if named and path.suffix and not path.exists() and mesh not in catalogue.ids():
         raise MeshError(_no_file(path))
     in_folder = os.sep in mesh and (path.exists() or mesh not in catalogue.ids())

@@ -26,6 +26,7 @@ from gpis_grasp_planner.geometry.catalogue_files import (
     with_id,
 )
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+from gpis_grasp_planner.geometry.cloud_file import is_cloud, parse_cloud
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.mesh_file import (
     OWN_UNIT_SUFFIXES,
@@ -226,18 +227,33 @@ def _load(
         )
     elif sidecar.unit not in (None, stated):
         notes.append(f"Unit '{stated}' as asked, though its YAML file says '{sidecar.unit}'.")
-    mesh, report = parse_mesh(
-        data,
-        suffix,
-        stated or settings.default_unit,
-        path.name,
-        settings,
-        scale=sidecar.scale or 1.0,
-        body=sidecar.body if body is None else body,
-    )
+    read_as = stated or settings.default_unit
+    scale = sidecar.scale or 1.0
+    body = sidecar.body if body is None else body
+    uncertainty = None
+    if is_cloud(data, suffix, path.name):
+        _refuse_body(body, path.name)
+        mesh, report, uncertainty = parse_cloud(
+            data, suffix, read_as, path.name, settings,
+            scale=scale, viewpoints_m=sidecar.viewpoints,
+        )  # fmt: skip
+    else:
+        mesh, report = parse_mesh(
+            data, suffix, read_as, path.name, settings, scale=scale, body=body
+        )
     if sidecar.scale is not None:
         notes.append(f"Scaled by {sidecar.scale:g} as its YAML file says.")
-    return _part(mesh_id, mesh, report, sidecar, settings, notes)
+    part = _part(mesh_id, mesh, report, sidecar, settings, notes)
+    return part if uncertainty is None else replace(part, uncertainty=uncertainty)
+
+
+def _refuse_body(body: str | int | None, name: str) -> None:
+    if body is not None:
+        raise MeshError(
+            f"{name} is a point cloud, which has no bodies to choose from ({str(body)[:80]!r} was "
+            "asked for). Leave the body out.",
+            ErrorCode.MESH_SIDECAR_INVALID,
+        )
 
 
 def _part(

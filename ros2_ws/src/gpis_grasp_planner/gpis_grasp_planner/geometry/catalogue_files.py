@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpis_grasp_planner.geometry.mesh_file import MESH_SUFFIXES
+from gpis_grasp_planner.geometry.mesh_file import PART_SUFFIXES
 
 _SEGMENT = r"[A-Za-z0-9](?:[A-Za-z0-9_-]|\.(?!\.)){0,63}"
 MOST_FOLDERS = 8
@@ -19,7 +19,7 @@ _NAME_PATTERN = re.compile(_SEGMENT, re.ASCII)
 _NOT_READ = (
     ".gltf", ".dae", ".fbx", ".3ds", ".amf", ".wrl", ".x3d", ".iges", ".igs", ".brep", ".x_t",
     ".x_b", ".sldprt", ".sldasm", ".ipt", ".iam", ".catpart", ".prt", ".f3d", ".blend", ".dxf",
-    ".dwg", ".scad", ".fcstd", ".usd", ".usdz", ".vtk", ".msh", ".xyz", ".pcd",
+    ".dwg", ".scad", ".fcstd", ".usd", ".usdz", ".vtk", ".msh",
 )  # fmt: skip
 
 
@@ -37,7 +37,7 @@ def files_of(directory: Path) -> list[CatalogueFile]:
     return [
         _file(directory, path)
         for path in _walk(directory)
-        if path.suffix.lower() in MESH_SUFFIXES
+        if path.suffix.lower() in PART_SUFFIXES
         and _name_fault(directory, path) is None
         and is_inside(path, directory)
     ]
@@ -54,7 +54,7 @@ def with_id(directory: Path, mesh_id: str) -> list[CatalogueFile]:
     files = [
         _file(directory, p)
         for p in _entries(folder)
-        if p.suffix.lower() in MESH_SUFFIXES and _NAME_PATTERN.fullmatch(p.stem)
+        if p.suffix.lower() in PART_SUFFIXES and _NAME_PATTERN.fullmatch(p.stem)
     ]
     return [f for f in files if mesh_id in (f.name, f.stem)]
 
@@ -66,7 +66,7 @@ def refused_files(directory: Path) -> Iterator[tuple[str, str]]:
         suffix = path.suffix.lower()
         if suffix in _NOT_READ:
             yield name, f"its format {suffix} is not read; export STEP, STL, OBJ, PLY, 3MF or GLB"
-        elif suffix not in MESH_SUFFIXES:
+        elif suffix not in PART_SUFFIXES:
             continue
         elif (fault := _name_fault(directory, path)) is not None:
             yield name, fault
@@ -104,7 +104,7 @@ def _entries(folder: Path) -> list[Path]:
 def _walk(directory: Path, depth: int = 0) -> Iterator[Path]:
     """Everything but folders, down to :data:`MOST_FOLDERS`; hidden and linked folders are left."""
     for path in _entries(directory):
-        if path.is_dir() and not path.is_symlink() and path.suffix.lower() not in MESH_SUFFIXES:
+        if path.is_dir() and not path.is_symlink() and path.suffix.lower() not in PART_SUFFIXES:
             if depth < MOST_FOLDERS and not path.name.startswith("."):
                 yield from _walk(path, depth + 1)
         elif not path.name.startswith("."):

@@ -71,6 +71,40 @@ class CatalogueSettings(SettingsGroup):
         common=True,
     )
 
+    cloud_noise_m: float = setting(
+        0.0,
+        low=0.0,
+        high=0.05,
+        description="Standard deviation of a point cloud's points across the surface; 0: estimated "
+        "from the cloud.",
+        common=True,
+    )
+    cloud_samples: int = setting(
+        600,
+        low=50,
+        high=2000,
+        description="Points and normals that the Gaussian process of a cloud is told; the time "
+        "grows with the third power.",
+    )
+    cloud_cells: int = setting(
+        56,
+        low=16,
+        high=160,
+        description="Cells along the longest axis of the grid on which a cloud's surface is found.",
+    )
+    cloud_draws: int = setting(
+        6,
+        low=0,
+        high=50,
+        description="Surfaces drawn for a cloud, on which its grasps are judged (0.3 s each); 0: "
+        "none.",
+    )
+    cloud_carving: bool = setting(
+        True,
+        description="Outside the silhouette that a viewpoint saw a cloud's part is absent. Switch "
+        "off where a cloud is not all that was seen of the part.",
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.min_extent_m > self.max_extent_m:

@@ -20,6 +20,7 @@ from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
 from gpis_grasp_planner.geometry.formats.glb import read_glb
 from gpis_grasp_planner.geometry.formats.obj import read_obj
 from gpis_grasp_planner.geometry.formats.off import read_off
+from gpis_grasp_planner.geometry.formats.parsed_cloud import CLOUD_SUFFIXES
 from gpis_grasp_planner.geometry.formats.parsed_mesh import Array, Index, ParsedMesh, Piece
 from gpis_grasp_planner.geometry.formats.ply import read_ply
 from gpis_grasp_planner.geometry.formats.step import read_step
@@ -39,6 +40,7 @@ READERS: dict[str, Callable[[bytes, str, int], ParsedMesh]] = {
 STEP_SUFFIXES = (".step", ".stp")
 OWN_UNIT_SUFFIXES = (*STEP_SUFFIXES, ".3mf", ".glb")
 MESH_SUFFIXES = (*READERS, *STEP_SUFFIXES)
+PART_SUFFIXES = (*MESH_SUFFIXES, *CLOUD_SUFFIXES)  # what a part may be read from
 _SHOWN_PIECES = 20
 
 
@@ -114,15 +116,15 @@ def load_mesh(
 def checked_suffix(file_name: str) -> str:
     """The lower-case ending of a file name, or MESH_FORMAT_NOT_SUPPORTED."""
     suffix = Path(file_name).suffix.lower()
-    if suffix not in MESH_SUFFIXES:
+    if suffix not in PART_SUFFIXES:
         cure = "Convert it to one of these."
         if suffix == ".gltf":
             cure = "Export GLB, which holds all that a .gltf leaves in other files."
         elif suffix in (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar"):
             cure = "It is packed: unpack it."
         raise MeshError(
-            f"{file_name!r} is no supported mesh format; supported are "
-            f"{', '.join(sorted(MESH_SUFFIXES))}. {cure}",
+            f"{file_name!r} is no supported format; supported are "
+            f"{', '.join(sorted(PART_SUFFIXES))}. {cure}",
             ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
         )
     return suffix
@@ -216,6 +218,11 @@ def parse_mesh(
 def _read(data: bytes, suffix: str, name: str, settings: CatalogueSettings) -> ParsedMesh:
     if suffix in STEP_SUFFIXES:
         return read_step(data, name, settings.max_faces, settings.step_timeout_s)
+    if suffix not in READERS:
+        raise MeshError(
+            f"{name} is a point cloud, not a mesh. Give a mesh file here.",
+            ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+        )
     try:
         return READERS[suffix](data, name, settings.max_faces)
     except MemoryError:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.uncertainty import SurfaceUncertainty
 
 FRICTION_RANGE = (0.01, 5.0)  # of every coefficient, wherever it is given
 
@@ -39,6 +40,8 @@ class Part:
     simplified : TriangleMesh or None
         Of a large mesh, one of fewer triangles for surface, distance field, PyBullet and convex
         pieces; a note says how far it is from the mesh. Contacts are decided on the mesh.
+    uncertainty : SurfaceUncertainty or None
+        Of a mesh that was reconstructed from a point cloud; None for a mesh file.
     """
 
     mesh_id: str
@@ -50,6 +53,7 @@ class Part:
     friction: Friction | None = None
     notes: tuple[str, ...] = field(default=())
     simplified: TriangleMesh | None = None
+    uncertainty: SurfaceUncertainty | None = None
 
     @property
     def working_mesh(self) -> TriangleMesh:

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 MAX_SIDECAR_BYTES = 64_000
 KEYS = (
     "unit", "mass", "density", "center_of_mass", "friction", "material", "description", "scale",
-    "body", "estimator_frame", "symmetries",
+    "body", "estimator_frame", "symmetries", "viewpoints",
 )  # fmt: skip
 MAX_MASS_KG = 1000.0
 MAX_DENSITY_KG_M3 = 30_000.0
@@ -37,6 +37,7 @@ SCALE_RANGE = (1e-9, 1e9)
 MAX_COORDINATE_M = 10.0
 QUATERNION_TOLERANCE = 1e-3
 MOST_SYMMETRIES = 8
+MOST_VIEWPOINTS = 100
 MIN_AXIS = 1e-6
 
 
@@ -60,6 +61,8 @@ class Sidecar:
         Pose of the frame whose pose an estimator tells, in the mesh file's frame [m].
     symmetry : SymmetryGroup or None
         Turns that bring the part onto itself.
+    viewpoints : (k, 3) array or None [m]
+        Where the sensor of a point cloud stood, in the file's frame.
     """
 
     unit: str | None = None
@@ -71,6 +74,7 @@ class Sidecar:
     body: str | int | None = None
     T_mesh_estimator: Array | None = None
     symmetry: SymmetryGroup | None = None
+    viewpoints: Array | None = None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -158,6 +162,7 @@ def _sidecar(content: Mapping[str, Any], name: str) -> Sidecar:
         if "estimator_frame" in content
         else None,
         _symmetry(content["symmetries"], name) if "symmetries" in content else None,
+        _viewpoints(content["viewpoints"], name) if "viewpoints" in content else None,
     )
 
 
@@ -281,6 +286,16 @@ def _point(value: Any, name: str, what: str = "center_of_mass") -> Array:
             f"{MAX_COORDINATE_M:g} from the origin",
         )
     return point
+
+
+def _viewpoints(value: Any, name: str) -> Array:
+    if not isinstance(value, list) or not 0 < len(value) <= MOST_VIEWPOINTS:
+        raise _invalid(
+            name,
+            f"has viewpoints {reprlib.repr(value)}; give a list of 1 to {MOST_VIEWPOINTS} points "
+            "[x, y, z] in m",
+        )
+    return np.stack([_point(point, name, "a viewpoint") for point in value])
 
 
 def _number(value: Any, what: str, unit: str, high: float, name: str) -> float:

@@ -138,10 +138,7 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
     """
     _, m_start = motors_from_joints(hand, start)
     spread, m_end = motors_from_joints(hand, end)
-    ends = row_ends(hand, end)
-    left = (m_end[..., None] - ends) * hand.drive.row_travel[0]
-    over = left > _BROKEN_AWAY_RAD
-    held = np.where(over, end[:, hand.finger_joints[:, :-1]], np.inf)
+    ends, over, held = _held(hand, end)
     kinks = np.where(over, ends, m_end[..., None])
     kinks = np.clip(kinks, np.minimum(m_start, m_end)[..., None], m_end[..., None])
     corners = np.concatenate([m_start[..., None], kinks, m_end[..., None]], axis=-1)
@@ -167,6 +164,45 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
     path = np.where((sample >= moves[:, None])[..., None], end[:, None], path)
     steps = (np.abs(ways) / whole).max(axis=-1)
     return path, moves.astype(np.int64), steps.max(axis=1)
+
+
+def closing_in_time(hand: HandDescription, start: Array, end: Array, n: int) -> tuple[Array, Array]:
+    """Postures of a closing hand at equal times: all motors start together, each at its speed.
+
+    Parameters
+    ----------
+    hand : HandDescription
+    start, end : (J,) arrays [rad]
+        Pre-grasp and closed hand.
+    n : int
+        Number of postures, at least 2.
+
+    Returns
+    -------
+    time_s : (n,) array
+        From 0 to when the last motor has arrived.
+    joints : (n, J) array [rad]
+        By the drive's law, the first `start` and the last `end` themselves.
+    """
+    _, [m_start] = motors_from_joints(hand, start)
+    [spread], [m_end] = motors_from_joints(hand, end)
+    _, _, held = _held(hand, np.asarray(end)[None])
+    way = m_end - m_start
+    speed = hand.drive.motor_speed[1:]
+    time_s = np.linspace(0.0, np.max(np.abs(way) / speed), n)
+    gone = np.minimum(time_s[:, None] * speed, np.abs(way))
+    motors = m_start + np.sign(way) * gone
+    joints = joints_from_motors(hand, np.full(n, spread), motors, np.repeat(held, n, axis=0))
+    joints[0], joints[-1] = start, end
+    return time_s, joints
+
+
+def _held(hand: HandDescription, end: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+    """Where rows of the closing table end, which did, and the angles held, (B, F, D - 1) each."""
+    _, m_end = motors_from_joints(hand, end)
+    ends = row_ends(hand, end)
+    over = (m_end[..., None] - ends) * hand.drive.row_travel[0] > _BROKEN_AWAY_RAD
+    return ends, over, np.where(over, end[:, hand.finger_joints[:, :-1]], np.inf)
 
 
 @lru_cache(maxsize=8)

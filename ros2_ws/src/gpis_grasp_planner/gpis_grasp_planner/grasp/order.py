@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.transforms import rotation_angle
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.quality.objective import Objective, worth
+from gpis_grasp_planner.quality.surface_knowledge import SURFACE_HOLD
 
 Array = NDArray[np.float64]
 
@@ -66,17 +67,21 @@ def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
     Grasps that physics held come before untried ones, and those before grasps that failed. Within
     each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
     while it closes counts as less likely, and differences that a dozen trials cannot show are
-    none. Then the likelier to hold under the pose's covariance by the contact model, then
-    what the objective makes of it.
+    none. Of a part that was scanned the probability counts times `surface_hold`. Then the likelier
+    to hold under the pose's covariance by the contact model, then what the objective makes of
+    it.
     """
     tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
     probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability
     if tried > 0 and grasp.trials is not None and not grasp.trials.gentle:
         probability *= _PUSHED
+    surface = grasp.quality.measured.get(SURFACE_HOLD.name, 1.0)
+    probability *= surface
     return (
         -float(tried),
         -float(round(probability / _RESOLUTION)),
         -(grasp.hold_probability or 0.0),
+        -surface,
         -_worth(grasp, objective),
     )
 

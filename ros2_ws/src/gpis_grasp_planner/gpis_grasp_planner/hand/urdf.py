@@ -128,7 +128,7 @@ def read_urdf(path: Path) -> UrdfTree:
         joint_velocity=limits[2],
         joint_effort=limits[3],
         link_mass=np.array(masses),
-        link_collision=_collision(path, [links[name] for name in order]),
+        link_collision=_shapes(path, [links[name] for name in order], "collision"),
     )
 
 
@@ -162,12 +162,26 @@ def _from_root(names: list[str], joint_of_child: dict[str, ET.Element], path: Pa
     return order
 
 
-def _collision(path: Path, links: list[ET.Element]) -> tuple[tuple[TriangleMesh, ...], ...]:
+def visual_shapes(path: Path, link_names: tuple[str, ...]) -> tuple[tuple[TriangleMesh, ...], ...]:
+    """What the links look like, in the links' frames; a link without such has its collision shapes.
+
+    Raises
+    ------
+    RequestError, MeshError
+        For shapes that are neither boxes nor STL pieces.
+    """
+    links = {str(link.get("name")): link for link in ET.parse(path).getroot().iterfind("link")}
+    chosen = [links[name] for name in link_names]
+    visual, collision = (_shapes(path, chosen, kind) for kind in ("visual", "collision"))
+    return tuple(seen or solid for seen, solid in zip(visual, collision, strict=True))
+
+
+def _shapes(path: Path, links: list[ET.Element], kind: str) -> tuple[tuple[TriangleMesh, ...], ...]:
     files: dict[str, TriangleMesh] = {}
     result = []
     for link in links:
         pieces = []
-        for shape in link.findall("collision"):
+        for shape in link.findall(kind):
             mesh, box = shape.find("geometry/mesh"), shape.find("geometry/box")
             if mesh is not None:
                 name = mesh.get("filename", "")
@@ -178,7 +192,7 @@ def _collision(path: Path, links: list[ET.Element]) -> tuple[tuple[TriangleMesh,
                 files.setdefault(name, _box(_numbers(box.get("size", "0 0 0"))))
             else:
                 raise RequestError(
-                    f"Link '{link.get('name')}' of '{path}' has a collision shape that is neither "
+                    f"Link '{link.get('name')}' of '{path}' has a {kind} shape that is neither "
                     "a box nor a mesh; give boxes or convex STL pieces."
                 )
             piece, T_link_piece = files[name], _origin(shape)

@@ -52,6 +52,8 @@ class Finisher:
         Seconds, steady.
     tally : Tally
         Takes what is lost here; the one of the search's evaluator.
+    judge : callable
+        Adds what other surfaces of the part say of a grasp.
     cost_s : float [s]
         Longest time for one of the last few candidates.
     n_seen, n_disagreed : int
@@ -63,6 +65,7 @@ class Finisher:
     confirmed: Callable[[Grasp], bool]
     clock: Callable[[], float]
     tally: Tally
+    judge: Callable[[Grasp], Grasp] = lambda grasp: grasp
     cost_s: float = _FIRST_COST_S
     n_seen: int = 0
     _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
@@ -231,7 +234,7 @@ class Finisher:
             self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
             return None
         [grasp], [clearance] = self.placing.finished([grasp], [clearance])
-        return FinishedGrasp(grasp, clearance)
+        return FinishedGrasp(self.judge(grasp), clearance)
 
 
 def _key(candidate: Candidate) -> bytes:

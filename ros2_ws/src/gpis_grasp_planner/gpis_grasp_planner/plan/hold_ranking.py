@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.plan.surface_judge import SurfaceJudge
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
 
@@ -42,6 +44,11 @@ class HoldRanking:
     prepared: PreparedObject
     covariance: NDArray[np.float64] | None
     request: PlanRequest
+
+    @cached_property
+    def on_surfaces(self) -> SurfaceJudge:
+        """What tells whether grasps hold on the other surfaces of a scanned part."""
+        return SurfaceJudge(self.part, self.hand, self.settings, self.prepared, self.request)
 
     @property
     def needed(self) -> bool:
@@ -105,6 +112,6 @@ class HoldRanking:
                 f"The time budget ended after the hold probability of {len(known)} of "
                 f"{len(grasps)} grasps.",
             )
-        objective = make_objective(self.settings)
+        objective = make_objective(self.settings, self.part)
         every = [*known, *grasps[len(known) :]]
         return sorted(every, key=lambda grasp: answer_rank(grasp, objective)), notes

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.quality.measure import Measure
 from gpis_grasp_planner.quality.measures import make_measure
 from gpis_grasp_planner.quality.objective import EpsilonVolume, Objective, OneMeasure
 from gpis_grasp_planner.quality.settings import ObjectiveSettings
+from gpis_grasp_planner.quality.surface_knowledge import KnownContacts, contact_deviation
 from gpis_grasp_planner.search.settings import HppSettings
+from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 
 PAPER = "paper"
 
 
-def make_objective(settings: PlannerSettings) -> Objective:
-    """What a search by these settings maximises.
+def make_objective(settings: PlannerSettings, part: Part | None = None) -> Objective:
+    """What a search by these settings maximises for a part.
 
     Raises
     ------
@@ -29,10 +32,10 @@ def make_objective(settings: PlannerSettings) -> Objective:
             "The search in PyBullet (scene.search_evaluator is 'bullet') knows the objective "
             f"'{PAPER}' alone, not '{settings.objective.name}'; set it to 'compiled'."
         )
-    return objective
+    return _known_contacts(objective, part, settings.uncertainty)
 
 
-def reported_measures(settings: PlannerSettings) -> tuple[Measure, ...]:
+def reported_measures(settings: PlannerSettings, part: Part | None = None) -> tuple[Measure, ...]:
     """The measures whose figures an answer's grasps have: the objective's own, then the reported.
 
     Raises
@@ -40,11 +43,11 @@ def reported_measures(settings: PlannerSettings) -> tuple[Measure, ...]:
     RequestError
         INVALID_SETTING, as :func:`make_objective`.
     """
-    return _reported(settings.objective)
+    return (*_reported(settings.objective), *_of_surface(part))
 
 
-def objective_of(result: PlanResult) -> Objective:
-    """The objective that a result's grasps were ranked by.
+def objective_of(result: PlanResult, part: Part | None = None) -> Objective:
+    """The objective that a result's grasps of a part were ranked by.
 
     Raises
     ------
@@ -52,12 +55,14 @@ def objective_of(result: PlanResult) -> Objective:
         INVALID_SETTING: its settings are not those of this program, or its measure is not here.
     """
     hpp = HppSettings(volume_weight=result.settings["hpp"]["volume_weight"])
-    return _objective(_settings_of(result), hpp)
+    uncertainty = UncertaintySettings.from_mapping(result.settings.get("uncertainty", {}))
+    return _known_contacts(_objective(_settings_of(result), hpp), part, uncertainty)
 
 
-def measures_of(result: PlanResult) -> tuple[Measure, ...]:
+def measures_of(result: PlanResult, part: Part | None = None) -> tuple[Measure, ...]:
     """The measures whose figures a result's grasps have; none where an earlier program made it."""
-    return _reported(_settings_of(result)) if "objective" in result.settings else ()
+    own = _reported(_settings_of(result)) if "objective" in result.settings else ()
+    return (*own, *_of_surface(part))
 
 
 def _settings_of(result: PlanResult) -> ObjectiveSettings:
@@ -68,6 +73,21 @@ def _objective(settings: ObjectiveSettings, hpp: HppSettings) -> Objective:
     if settings.name == PAPER:
         return EpsilonVolume(hpp.volume_weight)
     return OneMeasure(make_measure(settings.name, settings))
+
+
+def _of_surface(part: Part | None) -> tuple[Measure, ...]:
+    """What is measured of the grasps of a part that was scanned."""
+    if part is None or part.uncertainty is None:
+        return ()
+    return (contact_deviation(part.uncertainty.deviation_at),)
+
+
+def _known_contacts(
+    objective: Objective, part: Part | None, settings: UncertaintySettings
+) -> Objective:
+    for measure in _of_surface(part):
+        return KnownContacts(objective, measure, settings.contact_deviation_m)
+    return objective
 
 
 def _reported(settings: ObjectiveSettings) -> tuple[Measure, ...]:

@@ -106,7 +106,7 @@ def place_known(
         spare = _spare(known, request) if placing.constrained else []
         kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
         kept, found = placing.clear(kept)
-        chosen = _best(known, kept, spare, found, hold.candidates(request.n_grasps), monitor)
+        chosen = _best(known, part, kept, spare, found, hold.candidates(request.n_grasps), monitor)
         grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
         of = dict(zip(map(_palm, grasps), clearances, strict=True))
         ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
@@ -168,6 +168,7 @@ def _spare(known: PlanResult, request: PlanRequest) -> list[int]:
 
 def _best(
     known: PlanResult,
+    part: Part,
     kept: Sequence[Grasp],
     spare: Sequence[int],
     found: Sequence[Clearance],
@@ -181,7 +182,7 @@ def _best(
     clear = [i for i, clearance in enumerate(found) if clearance.clear]
     if not clear:
         return []
-    objective, measures = objective_of(known), measures_of(known)
+    objective, measures = objective_of(known, part), measures_of(known, part)
     order = np.array(
         sorted(range(len(clear)), key=lambda k: answer_rank(kept[clear[k]], objective))
     )

@@ -30,6 +30,8 @@ _LOOK_S = 0.02
 _KIND = "object"
 # Of the processor time, by part; for the progress.
 _WEIGHTS = {"surface": 0.6, "field": 0.28, "tree": 0.12}
+_DRAW_WEIGHT = 0.2
+_DRAW_CELLS = 48  # of the field of a surface that was drawn
 _SOURCES = ("compiled.py", "geometry", "surface", "plan/preparation.py")
 
 OnShare = Callable[[float], None]
@@ -41,11 +43,13 @@ class PreparedObject:
     """What is made once per mesh: distance field, triangle tree, and the atlas of the GPIS.
 
     The tree is over all triangles; field and surface are those of a large mesh's simplified one.
+    `draws` are fields and trees of the surfaces that a scanned part may have; none for a mesh file.
     """
 
     field: DistanceField
     tree: TriangleTree
     atlas: SurfaceAtlas
+    draws: tuple[tuple[DistanceField, TriangleTree], ...] = ()
 
 
 class Preparation:
@@ -130,17 +134,18 @@ class Preparation:
         if arrays is None:
             return None
         surface = ImplicitSurface.from_arrays(_of_group("surface", arrays), self.settings.surface)
-        field = _of_group("field", arrays)
         return PreparedObject(
-            DistanceField(field["values"], field["origin"], float(field["spacing"])),
+            _field(_of_group("field", arrays)),
             TriangleTree(**_of_group("tree", arrays)),
             SurfaceAtlas(surface),
+            tuple(_drawn(k, arrays) for k in range(_n_drawn(arrays))),
         )
 
     def _begun(self, part: Part) -> _SideBySide:
         mesh = part.working_mesh
         cells, surface_settings = self.settings.scene.field_cells, self.settings.surface
-        work = _SideBySide(_WEIGHTS)
+        drawn = () if part.uncertainty is None else part.uncertainty.draws
+        work = _SideBySide(_WEIGHTS | {f"draw{k}": _DRAW_WEIGHT for k in range(len(drawn))})
 
         def field_and_tree() -> tuple[DistanceField, TriangleTree]:
             field = DistanceField.of(mesh, cells=cells, on_share=work.reporter("field"))
@@ -149,8 +154,16 @@ class Preparation:
         def atlas() -> SurfaceAtlas:
             return SurfaceAtlas(fit_part(mesh, surface_settings, on_share=work.reporter("surface")))
 
+        def draws() -> tuple[tuple[DistanceField, TriangleTree], ...]:
+            made = []
+            for k, other in enumerate(drawn):
+                report = work.reporter(f"draw{k}")
+                field = DistanceField.of(other, cells=min(cells, _DRAW_CELLS), on_share=report)
+                made.append((field, TriangleTree.of(other)))
+            return tuple(made)
+
         def joined(results: list[Any]) -> PreparedObject:
-            (field, tree), made = results
+            (field, tree), made, others = results
             self.disk.put(
                 _KIND,
                 self._disk_key(_key(part)),
@@ -158,11 +171,17 @@ class Preparation:
                     **{f"field.{f.name}": getattr(field, f.name) for f in fields(field)},
                     **{f"tree.{f.name}": getattr(tree, f.name) for f in fields(tree)},
                     **{f"surface.{name}": a for name, a in made.surface.as_arrays().items()},
+                    **{
+                        f"{group}{k}.{f.name}": getattr(one, f.name)
+                        for k, pair in enumerate(others)
+                        for group, one in zip(("field", "tree"), pair, strict=True)
+                        for f in fields(one)
+                    },
                 },
             )
-            return PreparedObject(field, tree, made)
+            return PreparedObject(field, tree, made, others)
 
-        work.begin([field_and_tree, atlas], joined)
+        work.begin([field_and_tree, atlas, draws], joined)
         return work
 
     def _disk_key(self, key: str) -> str:
@@ -187,7 +206,7 @@ class _SideBySide:
 
     def __init__(self, weights: Mapping[str, float]):
         self.n_waiting = 0
-        self._weights = weights
+        self._weights, self._all = weights, sum(weights.values())
         self._shares = dict.fromkeys(weights, 0.0)
         self._ended = threading.Event()
         self._look = threading.Condition()
@@ -264,7 +283,8 @@ class _SideBySide:
                         ErrorCode.DEADLINE_EXCEEDED,
                     )
                 if on_share is not None:
-                    on_share(sum(w * self._shares[name] for name, w in self._weights.items()))
+                    done = sum(w * self._shares[name] for name, w in self._weights.items())
+                    on_share(done / self._all)
         finally:
             self.n_waiting -= 1
         if self._error is not None:
@@ -275,10 +295,23 @@ class _SideBySide:
 
 
 def _key(part: Part) -> str:
-    """The mesh, and where search works with a simplified one, that too."""
-    if part.simplified is None:
-        return part.mesh.content_hash
-    return f"{part.mesh.content_hash}-{part.simplified.content_hash}"
+    """The mesh, and where search works with a simplified one or with draws, those too."""
+    meshes = [part.mesh, *([] if part.simplified is None else [part.simplified])]
+    meshes += [] if part.uncertainty is None else part.uncertainty.draws
+    return "-".join(mesh.content_hash for mesh in meshes)
+
+
+def _n_drawn(arrays: Mapping[str, NDArray[Any]]) -> int:
+    return sum(name.endswith(".spacing") for name in arrays) - 1  # without the mesh's own field
+
+
+def _drawn(k: int, arrays: Mapping[str, NDArray[Any]]) -> tuple[DistanceField, TriangleTree]:
+    field = _field(_of_group(f"field{k}", arrays))
+    return field, TriangleTree(**_of_group(f"tree{k}", arrays))
+
+
+def _field(arrays: Mapping[str, NDArray[Any]]) -> DistanceField:
+    return DistanceField(arrays["values"], arrays["origin"], float(arrays["spacing"]))
 
 
 def _of_group(group: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

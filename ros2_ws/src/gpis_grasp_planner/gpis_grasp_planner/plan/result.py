@@ -11,6 +11,7 @@ from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.quality.figures import ALWAYS, named
+from gpis_grasp_planner.quality.surface_knowledge import SURFACE_HOLD
 from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.surroundings.place import Place
 
@@ -36,6 +37,8 @@ def make_result(
     The fields are those of `PlanResult`; `notes` come after the part's own.
     """
     hand, scene = context.hand, settings.scene
+    measured = [measure.figure for measure in context.reported]
+    of_surface = [] if part.uncertainty is None else [SURFACE_HOLD]
     return PlanResult(
         code=code,
         message=message,
@@ -62,6 +65,6 @@ def make_result(
         reserve=reserve,
         funnel=funnel,
         objective=context.objective.text,
-        figures=tuple(named([*ALWAYS, *(m.figure for m in context.reported)]).values()),
+        figures=tuple(named([*ALWAYS, *measured, *of_surface]).values()),
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
     )

@@ -70,8 +70,7 @@ class PlanRun:
     Parameters
     ----------
     part, settings, prepared
-    request : PlanRequest
-    place : Place
+    request, place : PlanRequest, Place
     placing, hold : GraspPlacing, HoldRanking
         Of this place.
     monitor : Monitor
@@ -94,7 +93,7 @@ class PlanRun:
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
         self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
-        self._objective = make_objective(settings)
+        self._objective = make_objective(settings, part)
         self._evaluator, self._tally = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, self._objective)
         self._context = PlanningContext(
@@ -106,13 +105,15 @@ class PlanRun:
             settings=settings.search.with_spread_up_to(self.hand.spread_upper),
             rng=np.random.default_rng(request.seed),
             constraints=self._constraints,
-            reported=reported_measures(settings),
+            reported=reported_measures(settings, part),
         )
         self._search = make_search(request.planner, self._context)
         scene = self._owned.enter_context(
             ConfirmingScene(part, self.hand, self._friction, settings.scene, prepared)
         )
-        self._finisher = Finisher(self._context, placing, scene.agrees, monitor.now, self._tally)
+        self._finisher = Finisher(
+            self._context, placing, scene.agrees, monitor.now, self._tally, hold.on_surfaces.judged
+        )
         self._hold = hold
         self._limit: HandLimit | None = None
         self._convergence: list[tuple[float, int, float]] = []
@@ -297,8 +298,7 @@ class PlanRun:
     def _answer_of(self, grasps: tuple[Grasp, ...], deadline: float | None) -> Answer:
         """Rank, choose, and say what came of it."""
         tried = self._tried_grasps()
-        monitor, request, part = self.monitor, self.request, self.part
-        finisher = self._finisher
+        monitor, request, part, finisher = self.monitor, self.request, self.part, self._finisher
         notes: tuple[str, ...] = ()
         if self.settings.scene.confirm and finisher.n_seen:
             notes += (

@@ -13,11 +13,16 @@ force closure.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.figures import NO_FORCE_CLOSURE, Quality
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 
@@ -61,24 +66,40 @@ def hull_quality(wrenches: Array) -> Quality:
 
     Wrenches that span less than six dimensions have volume 0 and no force closure.
     """
+    hull = _hull(wrenches)
+    if hull is None:
+        return Quality(NO_FORCE_CLOSURE, 0.0)
+    nearest = float(np.min(-hull.equations[:, -1]))
+    return Quality(nearest if nearest > _FLAT else NO_FORCE_CLOSURE, float(hull.volume))
+
+
+def weakest_direction(wrenches: Array) -> Array | None:
+    """Unit wrench (6,) in which the hand can push the object least; None where they are flat.
+
+    The outward normal of the hull's facet that is nearest to the origin: epsilon is how far the
+    hull reaches along it. With force closure, a disturbance against it is the one that the grasp
+    resists least.
+    """
+    hull = _hull(wrenches)
+    if hull is None:
+        return None
+    return np.array(hull.equations[np.argmin(-hull.equations[:, -1]), :-1])
+
+
+def _hull(wrenches: Array) -> ConvexHull | None:
     from scipy.spatial import ConvexHull, QhullError  # 35 MB that the node saves
 
     if len(wrenches) < 7 or np.linalg.matrix_rank(wrenches - wrenches[0], tol=_FLAT) < 6:
-        return Quality(NO_FORCE_CLOSURE, 0.0)
-    hull = None
+        return None
     # Contacts on one plane make many wrenches cospherical, which Qhull may refuse to merge; moving
     # each at random by far less than any figure's digits decides what belongs to which facet.
     for shift in (0.0, 1e-11, 1e-10, 1e-9):
         moved = np.random.default_rng(0).normal(scale=shift, size=wrenches.shape)
         try:
-            hull = ConvexHull(wrenches + moved)
-            break
+            return ConvexHull(wrenches + moved)
         except QhullError:
             continue
-    if hull is None:
-        return Quality(NO_FORCE_CLOSURE, 0.0)
-    nearest = float(np.min(-hull.equations[:, -1]))
-    return Quality(nearest if nearest > _FLAT else NO_FORCE_CLOSURE, float(hull.volume))
+    return None
 
 
 def grasp_quality(

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
+import numpy as np
 from geometry_msgs.msg import Point, Vector3
+from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gpis_grasp_msgs.msg import Grasp
-from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
+from gpis_grasp_planner.geometry.transforms import (
+    from_position_quat_xyzw,
+    rotation_from_rpy,
+    transform,
+)
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.ros.conversions import pose_messages
@@ -33,7 +40,7 @@ class GraspMarkers:
 
     def __init__(self, hand: HandDescription, urdf: str) -> None:
         self._hand = hand
-        self._meshes = _visual_meshes(urdf)
+        self._shapes = _visual_shapes(urdf)
 
     def array(self, grasp: Grasp) -> MarkerArray:
         """Markers of the closed hand, contacts (spheres) and inward normals (arrows).
@@ -66,29 +73,55 @@ class GraspMarkers:
         T_world_palm = from_position_quat_xyzw([p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
         T_world_link = T_world_palm @ link_transforms(self._hand, list(grasp.grasp.position))[0]
         markers: list[Marker] = []
-        poses = pose_messages(T_world_link)
-        for link, pose in zip(self._hand.link_names, poses, strict=True):
-            for uri in self._meshes.get(link, ()):
+        for link, T in zip(self._hand.link_names, T_world_link, strict=True):
+            for shape in self._shapes.get(link, ()):
+                [pose] = pose_messages((T @ shape.T_link_shape)[None])
+                x, y, z = shape.scale
                 markers.append(
                     Marker(
                         header=grasp.palm_pose.header,
                         ns="hand",
                         id=len(markers),
-                        type=Marker.MESH_RESOURCE,
+                        type=Marker.MESH_RESOURCE if shape.uri else Marker.CUBE,
                         pose=pose,
-                        scale=Vector3(x=1.0, y=1.0, z=1.0),
+                        scale=Vector3(x=x, y=y, z=z),
                         color=HAND_COLOR,
-                        mesh_resource=uri,
+                        mesh_resource=shape.uri,
                     )
                 )
         return markers
 
 
-def _visual_meshes(urdf: str) -> dict[str, tuple[str, ...]]:
-    """Mesh URIs per link. The hands' visual shapes are drawn in the links' own frames."""
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A visual shape: a mesh by its URI, or without one a box of edges `scale` [m]."""
+
+    uri: str
+    scale: tuple[float, float, float]
+    T_link_shape: NDArray[np.float64]
+
+
+def _visual_shapes(urdf: str) -> dict[str, tuple[_Shape, ...]]:
+    """Meshes and boxes per link."""
     return {
         link.get("name", ""): tuple(
-            mesh.get("filename", "") for mesh in link.iterfind("visual/geometry/mesh")
+            _shape(visual)
+            for visual in link.iterfind("visual")
+            if visual.find("geometry/mesh") is not None or visual.find("geometry/box") is not None
         )
         for link in ET.fromstring(urdf).iterfind("link")
     }
+
+
+def _shape(visual: ET.Element) -> _Shape:
+    origin, mesh = visual.find("origin"), visual.find("geometry/mesh")
+    given = {} if origin is None else origin.attrib
+    xyz, rpy = (np.array(given.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
+    T_link_shape = transform(rotation_from_rpy(rpy), xyz)
+    if mesh is not None:
+        x, y, z = (float(number) for number in mesh.get("scale", "1 1 1").split())
+        return _Shape(mesh.get("filename", ""), (x, y, z), T_link_shape)
+    box = visual.find("geometry/box")
+    assert box is not None
+    x, y, z = (float(number) for number in box.get("size", "").split())
+    return _Shape("", (x, y, z), T_link_shape)

@@ -126,7 +126,7 @@ def rank_under_uncertainty(
         perturbations = random_perturbations(C, settings.samples, rng)
         weights = np.full(settings.samples, 1.0 / settings.samples)
     estimates = [
-        _estimate(evaluator, hand, grasp, perturbations, weights, settings) for grasp in grasps
+        estimate_hold(evaluator, hand, grasp, perturbations, weights, settings) for grasp in grasps
     ]
     order = sorted(
         range(len(grasps)),
@@ -149,7 +149,7 @@ def holds(attempts: Attempts, hand: HandDescription, min_epsilon: float) -> NDAr
     return np.asarray(good)
 
 
-def _estimate(
+def estimate_hold(
     evaluator: PostureEvaluator,
     hand: HandDescription,
     grasp: Grasp,
@@ -157,6 +157,7 @@ def _estimate(
     weights: Array,
     settings: UncertaintySettings,
 ) -> HoldEstimate:
+    """What is expected of a grasp under perturbations (n, 6) with weights (n,)."""
     held, quality = [], []
     # Fingertips that hold a part away from the palm do not draw it in.
     on_palm = hand.link_names.index(hand.palm_link) in grasp.contacts.links

@@ -50,3 +50,10 @@ class UncertaintySettings(SettingsGroup):
         description="How far closing fingers draw back a part that was planned to touch the palm; "
         "0: it stays.",
     )
+    contact_deviation_m: float = setting(
+        0.004,
+        low=1e-4,
+        high=1.0,
+        description="Of a point cloud's part: standard deviation of the surface at the contacts at "
+        "which a grasp's objective is halved.",
+    )

@@ -7,6 +7,12 @@ import re
 import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.formats.parsed_cloud import (
+    ParsedCloud,
+    check_point_count,
+    check_points,
+    own_normals,
+)
 from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     Index,
     ParsedMesh,
@@ -29,6 +35,51 @@ _CORNER_LISTS = ("vertex_indices", "vertex_index")
 _END_HEADER = re.compile(rb"[\r\n][ \t]*(end_header)[ \t]*(?=[\r\n])")
 _MOST_HEADER_BYTES = 1_000_000
 _RESTART = -1
+_NORMALS = ("nx", "ny", "nz")
+_VIEW = ("view_px", "view_py", "view_pz")  # as the Point Cloud Library writes it
+
+
+def has_faces(data: bytes, name: str) -> bool:
+    """Whether the header of a PLY file declares any face or strip.
+
+    Raises
+    ------
+    MeshError
+        Where the header cannot be read.
+    """
+    _, elements, _ = _header(data, name)
+    return any(e.count for e in elements if e.name in ("face", "tristrips"))
+
+
+def read_ply_points(data: bytes, name: str, most: int) -> ParsedCloud:
+    """Read the vertices of a PLY file as a cloud, with their normals and the camera's place."""
+    encoding, elements, start = _header(data, name)
+    by_name = {e.name: e for e in elements}
+    vertex = by_name.get("vertex")
+    missing = [axis for axis in "xyz" if vertex is None or axis not in vertex.scalars]
+    if vertex is None or missing:
+        raise MeshError(f"{name}: its vertices have no property '{missing[0]}'. Export it again.")
+    check_point_count(vertex.count, name, most)
+    whole = all(n in vertex.scalars for n in _NORMALS)
+    camera = by_name.get("camera")
+    placed = camera is not None and camera.count and all(v in camera.scalars for v in _VIEW)
+    wanted = {"vertex": ("x", "y", "z", *(_NORMALS if whole else ()))}
+    if placed:
+        wanted["camera"] = _VIEW
+    if encoding == "ascii":
+        tables, extra, _ = read_ascii(data, start, elements, wanted, name)
+    else:
+        order = "<" if encoding == "binary_little_endian" else ">"
+        tables, extra, _ = read_binary(data, start, elements, wanted, order, name)
+    values = tables["vertex"].scalars
+    check_points(values[:, :3], name)
+    viewpoints = tables["camera"].scalars if placed else np.zeros((0, 3))
+    return ParsedCloud(
+        np.ascontiguousarray(values[:, :3]),
+        own_normals(values[:, 3:6]) if whole else None,
+        viewpoints,
+        (f"{extra} after what the header describes were ignored.",) if extra else (),
+    )
 
 
 def read_ply(data: bytes, name: str, max_faces: int) -> ParsedMesh:

@@ -1,0 +1,23 @@
+"""What 'view' says where it cannot show anything; the page itself is in tests/view/test_page.py."""
+
+import sys
+
+
+def test_without_viser_it_says_what_to_install(gpis_grasp, monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    answer = gpis_grasp("view", "mug")
+    assert answer.code == 1
+    assert answer.out == ""
+    assert "pip install 'gpis-grasp-planner[view]'" in answer.err
+
+
+def test_a_document_is_not_planned(gpis_grasp):
+    answer = gpis_grasp("view", "grasps.json", "--live")
+    assert answer.code == 1
+    assert "Name a mesh" in answer.err
+
+
+def test_a_document_that_is_not_there(gpis_grasp, tmp_path):
+    answer = gpis_grasp("view", tmp_path / "grasps.json")
+    assert answer.code == 1
+    assert "grasps.json" in answer.err
