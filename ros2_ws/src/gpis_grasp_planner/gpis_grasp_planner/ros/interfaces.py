@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -108,8 +109,11 @@ class Interfaces:
             time.sleep(0.01)
 
     def close(self) -> None:
-        """Take no more work. The entities go with the node, or by :meth:`destroy`."""
-        self._threads.shutdown(wait=False)
+        """Take no more work, and wait until answers are sent, 3 s at most.
+
+        The entities go with the node, or by :meth:`destroy`.
+        """
+        drain(self._threads, FAREWELL_S)
 
     def destroy(self) -> None:
         """Take everything off the network; the node stays."""
@@ -122,6 +126,13 @@ class Interfaces:
         for kind in _KINDS:
             for entity in self._made[kind]:
                 getattr(self._node, f"destroy_{kind}")(entity)
+
+
+def drain(threads: ThreadPoolExecutor, limit_s: float) -> None:
+    """Take no more work, and wait until what threads have begun is done, `limit_s` at most."""
+    waiting = threading.Thread(target=threads.shutdown, daemon=True)
+    waiting.start()
+    waiting.join(limit_s)
 
 
 def n_threads(parameters: NodeParameters) -> int:

@@ -10,7 +10,7 @@ import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from gpis_grasp_planner.ros.interfaces import Interfaces, n_threads
+from gpis_grasp_planner.ros.interfaces import FAREWELL_S, Interfaces, drain, n_threads
 from gpis_grasp_planner.ros.parameters import NodeParameters
 from gpis_grasp_planner.ros.planning import Planning
 from gpis_grasp_planner.ros.text import printable
@@ -58,5 +58,7 @@ def spin(node: GraspPlannerNode | GraspPlannerLifecycleNode, stop: threading.Eve
     node.close()
     with contextlib.suppress(Exception):  # a last round for results of goals
         executor.spin_once(timeout_sec=0.05)
+    # Nor does it wait for its threads, which would use what is destroyed next.
+    drain(executor._executor, FAREWELL_S)
     executor.shutdown()
     node.destroy_node()

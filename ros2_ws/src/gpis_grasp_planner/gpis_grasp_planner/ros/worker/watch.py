@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PlanningError
 from gpis_grasp_planner.plan.progress import Phase
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.work_queue import Lane
 from gpis_grasp_planner.ros.worker.link import Replies, WorkerLink
@@ -32,6 +33,8 @@ SILENCE_LIMIT_S = 5.0
 STOPPED_LIMIT_S = 2.0
 # After a cancel: what is finished within this time is answered, else nothing.
 CANCEL_WAIT_S = 0.2
+# A shorter wait for the process does not change the order.
+WAIT_LIMIT_S = 0.05
 _LOOK_S = 0.5
 AnyOrder = PlanOrder | PlaceOrder | DescribeOrder
 PREPARATION = (Phase.READING, Phase.PREPARING)
@@ -104,30 +107,32 @@ class PlanningProcess:
 
     def _carried_out(self, order: AnyOrder, call: Call) -> Plan | MeshFacts:
         lane = Lane.SEARCH if isinstance(order, PlanOrder) else Lane.KNOWN
-        limits, began = self._supervisor.limits(), time.monotonic()
+        limits, began, asked = self._supervisor.limits(), time.monotonic(), order.request
         for retries_left in range(limits.retries, -1, -1):
             call.check_wanted()
+            order = _shortened(order, asked, time.monotonic() - began)
             deadline = time.monotonic() + order.request.time_budget_s + limits.grace_s
             self._finish_left_over(lane, call, deadline)
             try:
-                return self._attempt(order, lane, call, deadline, limits)
+                link = self._ready_link(call, deadline)
+                order = _shortened(order, asked, time.monotonic() - began)
+                return self._attempt(link, order, lane, call, deadline, limits)
             except _Lost as lost:
                 call.check_wanted()
                 if not retries_left or lost.fault.code != ErrorCode.PLANNING_PROCESS_LOST:
                     raise lost.fault from None
                 self._supervisor.on_event("Its order is given to the next process.")
-            order = replace(order, request=order.request.again(time.monotonic() - began))
         raise AssertionError("unreachable")
 
     def _attempt(
         self,
+        link: WorkerLink,
         order: AnyOrder,
         lane: Lane,
         call: Call,
         deadline: float,
         limits: WorkLimits,
     ) -> Plan | MeshFacts:
-        link = self._ready_link(call, deadline)
         with self._supervisor.in_use(link):
             try:
                 replies = link.send(order)
@@ -251,6 +256,11 @@ class PlanningProcess:
                     raise fault from None
             else:
                 return link
+
+
+def _shortened(order: AnyOrder, asked: PlanRequest, spent_s: float) -> AnyOrder:
+    """The order with what is left of the time that was asked for; see `PlanRequest.again`."""
+    return replace(order, request=asked.again(spent_s)) if spent_s > WAIT_LIMIT_S else order
 
 
 def _hangs(link: WorkerLink) -> bool:
