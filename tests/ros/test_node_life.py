@@ -52,6 +52,20 @@ def test_a_signal_while_planning_answers_ends_with_0_and_leaves_no_child(
     assert "Traceback" not in node.text()
 
 
+def test_a_signal_with_many_requests_in_work_destroys_nothing_in_use(
+    start_node: Start, client: Any, tools: Any
+) -> None:
+    node = start_node({"queue_size": "4"})
+    node.wait_ready()
+    futures = [client.call_async(tools.request("mug", time_budget=5.0)) for _ in range(40)]
+    tools.wait(lambda: any(future.done() for future in futures), "a first BUSY")
+    assert node.end() == 0, node.text()
+    codes = {future.result().code for future in futures if future.done()}
+    assert codes <= {ErrorCode.BUSY, ErrorCode.SHUTTING_DOWN}
+    for word in ("Traceback", "Destroyable", "InvalidHandle", "was never awaited"):
+        assert word not in node.text(), node.text()
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_during_the_imports_ends_with_0(number: signal.Signals) -> None:
     """From the first line of `main` on; the interpreter's own start cannot be guarded."""

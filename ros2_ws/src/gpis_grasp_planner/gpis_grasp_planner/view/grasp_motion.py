@@ -1,7 +1,7 @@
 """The way to a grasp and up from it, as frames to be shown: approach, closing, lift.
 
 Fingers close by the drive's law at the motors' speeds, the arm follows the joints that the plan
-found; nothing is interpolated that the planner has not looked at.
+found. The lift of a grasp without an arm is for the eye only: nobody has looked whether it is free.
 """
 
 from __future__ import annotations
