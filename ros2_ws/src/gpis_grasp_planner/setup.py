@@ -1,5 +1,6 @@
 """Build script of the ROS package (ament_python); plain pip installs it as well."""
 
+import re
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -8,10 +9,12 @@ NAME = "gpis_grasp_planner"
 HAND_FILES = sorted(
     p for p in Path(NAME, "hand/models").rglob("*") if p.suffix in {".urdf", ".stl"}
 )
+# The one place of the version; tests/test_version.py compares the files that cannot read it.
+[VERSION] = re.findall(r'^__version__ = "(.+)"$', Path(NAME, "__init__.py").read_text(), re.M)
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     description="Grasp planning with Gaussian process implicit surfaces, as a ROS 2 service",
     license="Apache-2.0",
     maintainer="GPIS grasp planner developers",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gpis_grasp_planner.thread_limits import limit_threads
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Numba keys what it compiled by the path of the source; a workspace built with symbolic links has
 # two paths to each, and would compile everything twice.
