@@ -111,6 +111,18 @@ def test_where_that_is_not_enough_a_search_begins_with_it(
     assert process.orders[2].place == TABLE.as_mapping()
 
 
+def test_what_placing_has_cost_is_taken_off_the_search(
+    source: PlanSource, process: Recorded
+) -> None:
+    """The stand-in's plans take 0.1 s each."""
+    source.plan("mug", REQUEST, Call(), TABLE)
+    process.enough = False
+    source.plan("mug", REQUEST, Call(), SHELF)
+    assert process.kinds() == ["PlanOrder", "PlaceOrder", "PlanOrder"]
+    budgets = [order.request.time_budget_s for order in process.orders]
+    assert budgets == [REQUEST.time_budget_s] * 2 + [REQUEST.time_budget_s - 0.1]
+
+
 def test_a_failure_is_not_kept(source: PlanSource, process: Recorded) -> None:
     process.code = ErrorCode.NO_FEASIBLE_GRASP
     for _ in range(2):

@@ -26,6 +26,7 @@ from gpis_grasp_planner.ros.worker.watch import PlanningProcess
 from gpis_grasp_planner.surroundings.place import Place
 
 _MOST_FACTS = 10_000
+_MOMENT_S = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ class PlanSource:
 
         A plan holds at least the node's default number of grasps, so that requests for fewer
         share it. What is known of the mesh is tried first, at any place; only where that is not
-        enough a search is made, for this place.
+        enough a search is made, for this place, in what is left of the time.
 
         Raises
         ------
@@ -101,6 +102,7 @@ class PlanSource:
             place = None
         order = self._order(mesh_id, request)
         self.cache.size = self._settings().plan_cache_size
+        spent_s = 0.0
         if (known := self._known(order, place)) is not None:
             if place is None and known.place is None:
                 return DeliveredPlan(known, from_cache=True)
@@ -108,6 +110,7 @@ class PlanSource:
                 placed = self._placed(order, known, place or Place(), call)
             if placed.enough or placed.code == ErrorCode.CANCELLED:
                 return DeliveredPlan(placed, from_cache=True)
+            spent_s += placed.elapsed_s
         with self._queue.turn(Lane.SEARCH, call):
             # Another request may have made the plan while this one waited.
             newer = self._known(order, place)
@@ -118,7 +121,8 @@ class PlanSource:
                     placed = self._placed(order, newer, place or Place(), call)
                 if placed.enough or placed.code == ErrorCode.CANCELLED:
                     return DeliveredPlan(placed, from_cache=True)
-            made = self._made(order, place, newer, call)
+                spent_s += placed.elapsed_s
+            made = self._made(order, place, newer, call, spent_s)
             return DeliveredPlan(made, from_cache=made.from_store)
 
     def place(
@@ -213,12 +217,20 @@ class PlanSource:
         )
         return self._process.carry_out(place_order, call)
 
-    def _made(self, order: PlanOrder, place: Place | None, known: Plan | None, call: Call) -> Plan:
-        """A new plan; what is known of the mesh goes with the order."""
+    def _made(
+        self, order: PlanOrder, place: Place | None, known: Plan | None, call: Call, spent_s: float
+    ) -> Plan:
+        """A new plan; what is known of the mesh goes with the order.
+
+        What placing has cost is taken off the budget; a moment does not change the request, so that
+        the store knows it again.
+        """
         key = self._key(order)
+        request = order.request.again(spent_s) if spent_s > _MOMENT_S else order.request
         plan = self._process.carry_out(
             replace(
                 order,
+                request=request,
                 place=None if place is None else place.as_mapping(),
                 known=b"" if known is None else known.record,
             ),
