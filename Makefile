@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-cell soak faults fuzz test coverage audit lint format benchmark lock clean
+.PHONY: help setup demo demo-cell soak faults fuzz browser test coverage audit lint format benchmark lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -37,10 +37,13 @@ faults: setup  ## 37 kinds of fault on a live node, 20 seeded times each: answer
 fuzz: setup  ## 100,000 requests made bad in random places, on a live node (1 h)
 	@$(RUN) python tests/benchmarks/node_fuzz.py $(FUZZ_ARGS)
 
-test: setup lint  ## Lint, types, all tests (real processes over real DDS included)
+browser: setup
+	@scripts/system_packages.sh --browser || echo "No browser: the tests of the viewer's page will be skipped." >&2
+
+test: setup browser lint  ## Lint, types, all tests (real processes over real DDS included)
 	@$(RUN) python -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)
 
-coverage: setup  ## Lines and branches of the planner and the node that the tests run
+coverage: setup browser  ## Lines and branches of the planner and the node that the tests run
 	@$(RUN) python -m pytest -p pytest_cov $(TEST_PROCESSES) --cov --cov-report=term:skip-covered \
 		$(PYTEST_ARGS)
 

@@ -4,6 +4,7 @@
 #
 #   scripts/system_packages.sh           check, install what is missing
 #   scripts/system_packages.sh --check   check only
+#   scripts/system_packages.sh --browser the same for what only the viewer's tests need
 #   scripts/system_packages.sh --python  print the CPython 3.11 that will be used
 set -euo pipefail
 
@@ -52,7 +53,6 @@ look() {
         if [ -n "$python" ]; then has_library "${library%%=*}" && continue; fi
         missing+=("${library%%=*} (needed by Open3D)|${library##*=}")
     done
-    command -v chromium >/dev/null || missing+=("Chromium (tests of the viewer)|chromium")
     if command -v dpkg >/dev/null && [ ! -e /etc/ssl/certs/ca-certificates.crt ]; then
         missing+=("certificates for downloads|ca-certificates")
     fi
@@ -93,6 +93,13 @@ install() {
 }
 
 case "${1:-}" in
+--browser)
+    missing=()
+    if ! command -v chromium >/dev/null && ! command -v google-chrome >/dev/null; then
+        missing+=("Chromium (tests of the viewer)|chromium")
+        install
+    fi
+    ;;
 --python)
     find_python
     ;;
@@ -106,7 +113,7 @@ case "${1:-}" in
     fi
     ;;
 *)
-    sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,8s/^# \{0,1\}//p' "$0" >&2
     exit 64
     ;;
 esac

@@ -46,6 +46,15 @@ def test_check_installs_nothing(bare_path: Path) -> None:
     assert not (bare_path / "called").exists()
 
 
+def test_a_browser_is_asked_for_by_the_tests_alone(bare_path: Path) -> None:
+    assert "chromium" not in run(bare_path).stderr
+    answer = run(bare_path, "--browser")
+    assert answer.returncode == 2
+    assert " chromium" in answer.stderr
+    (bare_path / "chromium").symlink_to(shutil.which("true") or "true")
+    assert run(bare_path, "--browser").returncode == 0
+
+
 def test_another_python_does_not_count(bare_path: Path) -> None:
     """A python3 that is not CPython 3.11 is passed over."""
     other = bare_path / "python3"
