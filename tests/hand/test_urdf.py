@@ -5,7 +5,7 @@ import pytest
 
 from gpis_grasp_planner.errors import MeshError, RequestError
 from gpis_grasp_planner.hand.link_mesh import convex_hull, write_stl
-from gpis_grasp_planner.hand.urdf import read_urdf
+from gpis_grasp_planner.hand.urdf import read_urdf, visual_shapes
 
 CUBE = convex_hull([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
@@ -71,3 +71,20 @@ def test_what_cannot_be_a_hand_is_refused(tmp_path):
     (tmp_path / "cube.stl").unlink()
     with pytest.raises(MeshError, match=r"cube\.stl"):
         read_urdf(path)
+
+
+@pytest.mark.parametrize(
+    ("visual", "edges"),
+    [
+        ("", 1.0),  # none: the collision shape
+        ('<visual><geometry><box size="2 2 2"/></geometry></visual>', 2.0),
+        ('<visual><geometry><mesh filename="fine.dae"/></geometry></visual>', 1.0),
+        ('<visual><geometry><cylinder radius="1" length="2"/></geometry></visual>', 1.0),
+    ],
+)
+def test_what_is_shown_is_what_can_be_read_else_the_collision_shape(tmp_path, visual, edges):
+    path = write(tmp_path)
+    path.write_text(path.read_text().replace('name="tip">', f'name="tip">{visual}'))
+    base, [tip] = visual_shapes(path, ("base", "tip"))
+    assert base == ()
+    np.testing.assert_allclose(np.ptp(tip.vertices, axis=0), [edges] * 3, atol=1e-12)

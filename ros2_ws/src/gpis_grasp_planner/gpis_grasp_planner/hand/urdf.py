@@ -163,17 +163,33 @@ def _from_root(names: list[str], joint_of_child: dict[str, ET.Element], path: Pa
 
 
 def visual_shapes(path: Path, link_names: tuple[str, ...]) -> tuple[tuple[TriangleMesh, ...], ...]:
-    """What the links look like, in the links' frames; a link without such has its collision shapes.
+    """What the links look like, in the links' frames.
+
+    A link without visual shapes, or with one that is neither a box nor an STL file, has its
+    collision shapes.
 
     Raises
     ------
     RequestError, MeshError
-        For shapes that are neither boxes nor STL pieces.
+        For an STL file that is not there or none.
     """
     links = {str(link.get("name")): link for link in ET.parse(path).getroot().iterfind("link")}
     chosen = [links[name] for name in link_names]
-    visual, collision = (_shapes(path, chosen, kind) for kind in ("visual", "collision"))
+    bare = ET.Element("link")
+    seen_links = [link if _is_readable(link) else bare for link in chosen]
+    visual, collision = _shapes(path, seen_links, "visual"), _shapes(path, chosen, "collision")
     return tuple(seen or solid for seen, solid in zip(visual, collision, strict=True))
+
+
+def _is_readable(link: ET.Element) -> bool:
+    """Whether all visual shapes are boxes or STL files."""
+    for shape in link.findall("visual"):
+        mesh = shape.find("geometry/mesh")
+        if mesh is None and shape.find("geometry/box") is None:
+            return False
+        if mesh is not None and not mesh.get("filename", "").lower().endswith(".stl"):
+            return False
+    return True
 
 
 def _shapes(path: Path, links: list[ET.Element], kind: str) -> tuple[tuple[TriangleMesh, ...], ...]:
