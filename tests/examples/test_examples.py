@@ -39,7 +39,7 @@ def run(folder: Path, name: str, *words: str) -> str:
 
 @contextmanager
 def running(folder: Path, *command: str) -> Iterator[Callable[[], str]]:
-    """A process beside the test; gives what it has printed so far, and ends with 0 on SIGTERM."""
+    """A process beside the test; gives what it has printed so far, and ends on SIGTERM."""
     log = folder / f"{len(list(folder.iterdir()))}.log"
     with log.open("wb") as output:
         process = subprocess.Popen(
@@ -52,7 +52,9 @@ def running(folder: Path, *command: str) -> Iterator[Callable[[], str]]:
         if ended is None:
             process.send_signal(signal.SIGTERM)
             ended = process.wait(30.0)
-        assert ended == 0, log.read_text()
+        # rclpy hands the signal on once its context is down; the node catches it itself.
+        assert ended in (0, -signal.SIGTERM), log.read_text()
+        assert "Traceback" not in log.read_text()
 
 
 @contextmanager
@@ -145,7 +147,8 @@ def test_planners_are_compared(tmp_path: Path) -> None:
     text = run(tmp_path, "compare_planners.py", "200")
     figures = dict(re.findall(r"^(\S+) +mean epsilon .* (\S+)$", text, flags=re.MULTILINE))
     assert {"dual", "hpp", "paper", "random", "random-adaption"} <= set(figures)
-    assert all(float(value) > 0.0 for value in figures.values())
+    assert all(0.0 <= float(value) < 0.5 for value in figures.values())
+    assert float(figures["dual"]) > float(figures["random"])
 
 
 def test_an_executive_hears_what_an_estimator_and_a_call_lead_to(tmp_path: Path) -> None:

@@ -37,6 +37,16 @@ def test_one_planner_alone() -> None:
     assert steps[-4:] == ["planner random-adaption", "confirmation", "placing", "trials"]
 
 
+def test_a_planner_that_finds_nothing_in_so_few_attempts() -> None:
+    """A rival of the benchmark, which closes a hundredth of the hands."""
+    said: list[str] = []
+    assert warm_up(["annealing"], said.append) > 0
+    assert [line.split(":")[0] for line in said if line.startswith("planner")] == [
+        "planner annealing",
+        "planner random-adaption",
+    ]
+
+
 def test_the_box_is_closed_and_faces_outwards() -> None:
     part = box_part()
     corners = part.mesh.triangles
