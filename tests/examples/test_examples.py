@@ -8,15 +8,25 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 
+from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.plan.document import read_document
+
+with warnings.catch_warnings():
+    # The generator's parser, which rclpy loads with the first message type, uses sre_parse.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 LIMIT_S = 180.0  # a bound on a hang
@@ -180,17 +190,12 @@ def test_frames_of_camera_and_robot(tmp_path: Path) -> None:
     assert np.linalg.norm([x, y, z - 0.8]) < 0.25
 
 
-def call_service() -> object:
+def call_service() -> PlanGrasp.Response:
     """Call the node with no pose, until the estimate has been heard."""
-    import rclpy
-    from rclpy.node import Node
-
-    from gpis_grasp_msgs.srv import PlanGrasp
-
     context = rclpy.Context()
     rclpy.init(context=context)
     caller = Node("caller", context=context)
-    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor = SingleThreadedExecutor(context=context)
     try:
         client = caller.create_client(PlanGrasp, "plan_grasp")
         assert client.wait_for_service(LIMIT_S)
