@@ -69,6 +69,7 @@ benchmark: setup  ## List the benchmarks, with the command of each
 lock: setup  ## Resolve the dependencies anew (setup.py, benchmark/pyproject.toml, requirements/*.in)
 	@$(LOCKED) --upgrade -o requirements/installer.lock requirements/installer.in
 	@$(LOCKED) --upgrade -o requirements/requirements.lock \
+		--extra step --extra cloud --extra pictures \
 		--no-emit-package gpis-grasp-planner ros2_ws/src/gpis_grasp_planner/setup.py \
 		benchmark/pyproject.toml requirements/ros.in requirements/development.in
 
