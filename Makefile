@@ -48,11 +48,12 @@ coverage: setup browser  ## Lines and branches of the planner and the node that 
 	@$(RUN) python -m pytest -p pytest_cov $(TEST_PROCESSES) --cov --cov-report=term:skip-covered \
 		$(PYTEST_ARGS)
 
+# Not with -q: it would hide dead links from --strict.
 docs: setup  ## The site of the documentation in out/docs/site; a dead link fails
 	@$(RUN) eval "$$(python scripts/uv_settings.py)" && python scripts/docs_site.py && \
 		{ [ -x $(DOCS_ENV)/bin/python ] || python -m venv --without-pip $(DOCS_ENV); } && \
 		uv pip install -q --python $(DOCS_ENV)/bin/python --require-hashes -r requirements/docs.lock && \
-		NO_MKDOCS_2_WARNING=1 $(DOCS_ENV)/bin/mkdocs build -q
+		NO_MKDOCS_2_WARNING=1 $(DOCS_ENV)/bin/mkdocs build
 	@echo "out/docs/site/index.html"
 
 audit: setup  ## Known vulnerabilities of the locked dependencies (needs PyPI's advisories)
