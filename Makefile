@@ -2,7 +2,8 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-cell soak faults fuzz browser test coverage audit lint format benchmark lock clean
+DOCS_ENV := $(PWD)/out/docs/env
+.PHONY: help setup docs demo demo-cell soak faults fuzz browser test coverage audit lint format benchmark lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -47,6 +48,14 @@ coverage: setup browser  ## Lines and branches of the planner and the node that 
 	@$(RUN) python -m pytest -p pytest_cov $(TEST_PROCESSES) --cov --cov-report=term:skip-covered \
 		$(PYTEST_ARGS)
 
+# Not with -q: it would hide dead links from --strict.
+docs: setup  ## The site of the documentation in out/docs/site; a dead link fails
+	@$(RUN) eval "$$(python scripts/uv_settings.py)" && python scripts/docs_site.py && \
+		{ [ -x $(DOCS_ENV)/bin/python ] || python -m venv --without-pip $(DOCS_ENV); } && \
+		uv pip install -q --python $(DOCS_ENV)/bin/python --require-hashes -r requirements/docs.lock && \
+		NO_MKDOCS_2_WARNING=1 $(DOCS_ENV)/bin/mkdocs build
+	@echo "out/docs/site/index.html"
+
 audit: setup  ## Known vulnerabilities of the locked dependencies (needs PyPI's advisories)
 	@$(RUN) eval "$$(python scripts/uv_settings.py)" && python scripts/audit.py
 
@@ -68,7 +77,9 @@ benchmark: setup  ## List the benchmarks, with the command of each
 
 lock: setup  ## Resolve the dependencies anew (setup.py, benchmark/pyproject.toml, requirements/*.in)
 	@$(LOCKED) --upgrade -o requirements/installer.lock requirements/installer.in
+	@$(LOCKED) --upgrade -o requirements/docs.lock requirements/docs.in
 	@$(LOCKED) --upgrade -o requirements/requirements.lock \
+		--extra step --extra cloud --extra pictures \
 		--no-emit-package gpis-grasp-planner ros2_ws/src/gpis_grasp_planner/setup.py \
 		benchmark/pyproject.toml requirements/ros.in requirements/development.in
 

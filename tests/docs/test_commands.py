@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gpis_grasp_benchmark.command import parser as benchmark_parser
-from gpis_grasp_planner.cli.main import parser
+from gpis_grasp_planner.cli.main import COMMANDS, parser
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -41,3 +41,18 @@ def test_the_parser_takes_it(page: str, command: str) -> None:
         return
     arguments = parser().parse_args(words)  # SystemExit for what it does not take
     assert arguments.command == words[0], page
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_parser_takes_the_examples_of_a_commands_help(name: str) -> None:
+    found = re.findall(r"gpis-grasp ([^\n|)]+?)(?: {2,}.*|[|)].*)?$", COMMANDS[name].EXAMPLES, re.M)
+    assert any(line.split()[0] == name for line in found)
+    for line in found:
+        words = shlex.split(line.partition(" > ")[0])
+        assert parser().parse_args(words).command == words[0]
+
+
+def test_the_page_has_a_row_for_each_command_and_no_other() -> None:
+    table = (ROOT / "docs/cli.md").read_text(encoding="utf-8").partition("| exit code |")[0]
+    rows = re.findall(r"^\| `([a-z-]+)", table, flags=re.MULTILINE)
+    assert sorted(rows) == sorted(COMMANDS)

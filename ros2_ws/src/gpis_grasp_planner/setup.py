@@ -36,13 +36,9 @@ setup(
     # The one list of what the planner needs; `make lock` pins it. ROS packages are in package.xml.
     install_requires=[
         "argcomplete",  # shell completion of gpis-grasp
-        "cascadio",  # STEP files
         "fast-simplification",  # large meshes
-        "matplotlib",
         "numba",  # inner loop of the search
         "numpy",
-        "open3d",  # sampling, point clouds, pictures; not on the node's start-up path
-        "pillow",
         "pybullet",  # physics
         "PyYAML",
         "rich",
@@ -50,6 +46,9 @@ setup(
         "threadpoolctl",  # one thread for BLAS in programs that loaded numpy before
     ],
     extras_require={
+        "step": ["cascadio"],  # STEP files
+        "cloud": ["open3d"],  # point clouds in place of a mesh
+        "pictures": ["matplotlib", "open3d", "pillow"],  # --picture, reports
         "mujoco": ["mujoco"],  # verification.engine
         "arm": ["coal", "eaik"],  # arm.model
         "view": ["viser"],  # gpis-grasp view

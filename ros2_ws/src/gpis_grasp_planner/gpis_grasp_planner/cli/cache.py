@@ -11,6 +11,12 @@ from gpis_grasp_planner.cli import options
 from gpis_grasp_planner.cli.exit_codes import SUCCESS
 
 _ACTIONS = ("list", "clear", "path")
+EXAMPLES = """\
+examples:
+  gpis-grasp cache
+  gpis-grasp cache list --json
+  gpis-grasp cache clear
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,6 +12,12 @@ from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.part import Part
 
+EXAMPLES = """\
+examples:
+  gpis-grasp meshes
+  gpis-grasp meshes --meshes parts --json
+"""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'meshes'."""

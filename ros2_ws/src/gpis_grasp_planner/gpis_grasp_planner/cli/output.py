@@ -35,17 +35,18 @@ def check_writable(path: Path | None) -> None:
 
 
 def check_picture(path: Path | None) -> None:
-    """Refuse a picture that cannot be written, or in a format that is not known, before the work.
+    """Refuse a picture that cannot be drawn or written, or of an unknown format, before the work.
 
     Raises
     ------
     RequestError
-        With the suffixes that are known.
+        With the suffixes that are known, or what is to be installed.
     """
     from gpis_grasp_planner.errors import RequestError
 
     if path is None:
         return
+    check_drawable()
     from PIL import Image
 
     known = {ending for ending, kind in Image.registered_extensions().items() if kind in Image.SAVE}
@@ -56,6 +57,21 @@ def check_picture(path: Path | None) -> None:
             + f", which names the format. Write {path.stem or 'picture'}.png, or .jpg, .webp, .pdf."
         )
     check_writable(path)
+
+
+def check_drawable() -> None:
+    """Refuse where the libraries that draw are not installed.
+
+    Raises
+    ------
+    RequestError
+        With the command that installs them.
+    """
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.extras import how_to_install, is_installed
+
+    if not (is_installed("PIL") and is_installed("open3d")):
+        raise RequestError(how_to_install("A picture", "Open3D and Pillow", "pictures"))
 
 
 @contextmanager

@@ -87,6 +87,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gpis_grasp_planner.cli import plan_all_report
 
     output.check_writable(arguments.json)
+    if arguments.report is not None and not arguments.no_pictures:
+        output.check_drawable()
     work = _work(arguments)
     mesh_ids, refused = work.catalogue.ids(), work.catalogue.refused()
     if work.pictures is not None:

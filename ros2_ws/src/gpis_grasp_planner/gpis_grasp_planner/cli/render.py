@@ -8,6 +8,12 @@ from pathlib import Path
 from gpis_grasp_planner.cli import options
 from gpis_grasp_planner.cli.exit_codes import SUCCESS
 
+EXAMPLES = """\
+examples:
+  gpis-grasp render grasps.json --picture best.png
+  gpis-grasp render grasps.json --index 2 --picture third.png
+"""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'render'."""

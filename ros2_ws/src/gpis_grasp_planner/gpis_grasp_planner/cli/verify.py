@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     from gpis_grasp_planner.verification.result import Verification
     from gpis_grasp_planner.verification.settings import VerificationSettings
 
+EXAMPLES = """\
+examples:
+  gpis-grasp verify grasps.json
+  gpis-grasp verify grasps.json --friction 0.6 --mass 0.1 --json verdicts.json
+"""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'verify'."""

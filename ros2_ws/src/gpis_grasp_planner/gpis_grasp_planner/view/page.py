@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.extras import how_to_install
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
 from gpis_grasp_planner.view.grasp_scene import (
@@ -59,10 +60,7 @@ class GraspPage:
         try:
             import viser
         except ImportError:
-            raise RequestError(
-                "The viewer needs viser, which is not installed. Run "
-                "pip install 'gpis-grasp-planner[view]'."
-            ) from None
+            raise RequestError(how_to_install("The viewer", "viser", "view")) from None
         self._lock = threading.RLock()
         self._playing = threading.Lock()
         self._scene = scene

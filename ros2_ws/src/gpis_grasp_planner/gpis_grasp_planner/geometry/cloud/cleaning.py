@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.cloud.library import open3d
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -26,9 +27,8 @@ _QUANTILE = 0.3  # of the patches' residuals: those with an edge in them are the
 
 
 def to_open3d(points: Array) -> Any:
-    """Open3D's cloud of points (n, 3); Open3D is loaded here (0.9 s, 100 MB)."""
-    import open3d as o3d
-
+    """Open3D's cloud of points (n, 3)."""
+    o3d = open3d()
     cloud = o3d.geometry.PointCloud()
     cloud.points = o3d.utility.Vector3dVector(np.ascontiguousarray(points))
     return cloud

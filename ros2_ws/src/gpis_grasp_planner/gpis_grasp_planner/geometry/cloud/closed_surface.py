@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.cloud.library import open3d
 from gpis_grasp_planner.geometry.cloud.prior import Ellipsoid
 from gpis_grasp_planner.geometry.cloud.process import (
     Kernel,
@@ -123,8 +124,7 @@ def zero_level(grid: Grid, name: str) -> TriangleMesh:
     MeshError
         MESH_DEGENERATE where nothing is inside.
     """
-    import open3d as o3d
-
+    o3d = open3d()
     values = grid.values.copy()
     for axis in range(3):
         for side in (0, -1):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.cloud.cleaning import to_open3d
+from gpis_grasp_planner.geometry.cloud.library import open3d
 from gpis_grasp_planner.geometry.cloud.views import View
 
 Array = NDArray[np.float64]
@@ -45,10 +46,8 @@ def outward_normals(
     views : sequence of View
         From where the sensor stood; may be empty. A point that a viewpoint saw faces it.
     """
-    import open3d as o3d
-
     cloud = to_open3d(points)
-    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(neighbours))
+    cloud.estimate_normals(open3d().geometry.KDTreeSearchParamKNN(neighbours))
     normals = np.asarray(cloud.normals).copy()
     if views:
         normals = _towards(points, normals, views)

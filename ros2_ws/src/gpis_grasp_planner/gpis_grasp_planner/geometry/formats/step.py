@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.extras import how_to_install, is_installed
 from gpis_grasp_planner.geometry.formats.glb import GlbBody, glb_bodies, joined
 from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     Array,
@@ -48,9 +49,14 @@ def read_step(data: bytes, name: str, max_faces: int, timeout_s: float) -> Parse
     Raises
     ------
     MeshError
-        MESH_UNREADABLE where the shape has fewer faces than the text, and is open or lacks as
-        many as a whole shell has.
+        MESH_FORMAT_NOT_SUPPORTED where cascadio is not installed; MESH_UNREADABLE where the
+        shape has fewer faces than the text, and is open or lacks as many as a whole shell has.
     """
+    if not is_installed("cascadio"):
+        raise MeshError(
+            how_to_install(f"Reading {name}", "cascadio", "step"),
+            ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+        )
     promise = read_promise(data, name)
     glb, messages = _tessellate(promise.body, name, timeout_s)
     try:
