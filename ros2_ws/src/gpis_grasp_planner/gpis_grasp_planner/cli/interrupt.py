@@ -32,3 +32,12 @@ def stop_on_interrupt(say: Callable[[str], None]) -> Iterator[Callable[[], bool]
         yield asked.is_set
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def raise_on_signals() -> None:
+    """Have SIGINT and SIGTERM raise KeyboardInterrupt from now on.
+
+    A shell starts what it runs in the background with SIGINT ignored, and Python leaves it so.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.cli import options, place_options
 from gpis_grasp_planner.cli.exit_codes import SUCCESS
+from gpis_grasp_planner.cli.interrupt import raise_on_signals
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -62,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     page = GraspPage(scene, arguments.host, arguments.port)
     try:
+        raise_on_signals()
         print(f"{page.address} shows {scene.part.mesh_id}; Ctrl-C ends.", flush=True)
         if arguments.live:
             scene = _plan_live(arguments, scene, page)
