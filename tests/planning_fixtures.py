@@ -25,6 +25,7 @@ from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.search.finalists import choose_finalists, choose_reserve
+from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
 from gpis_grasp_planner.search.searches import make_search
 
 SPHERE_RADIUS = 0.035
@@ -183,6 +184,16 @@ def make_context(planner):
         )
 
     return make
+
+
+@pytest.fixture(scope="module")
+def searched_mug(make_context, catalogue):
+    """Context of the mug after a short search."""
+    context = make_context(catalogue.load("mug"), seed=1)
+    search = PalmPoseOptimiser(context)
+    while context.evaluator.n_attempts < 300:
+        search.step()
+    return context
 
 
 class RecordingEvaluator:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpis_grasp_planner.geometry.directions import even_directions
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.surface_samples import uniform_samples
 
@@ -38,14 +39,6 @@ class Scan:
     share: float
 
 
-def directions(count: int) -> Array:
-    """Unit vectors (count, 3) spread evenly over the sphere (Fibonacci's lattice)."""
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
-    r = np.sqrt(1.0 - z**2)
-    return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
-
-
 def seen_from(
     mesh: TriangleMesh, points: Array, normals: Array, viewpoints: Array
 ) -> NDArray[np.bool_]:
@@ -74,7 +67,7 @@ def choose_viewpoints(mesh: TriangleMesh, share: float, seed: int) -> Array:
     """
     middle = mesh.bounds.mean(axis=0)
     if share >= 1.0:
-        return middle + DISTANCE_M * directions(_ALL_AROUND)
+        return middle + DISTANCE_M * even_directions(_ALL_AROUND)
     rng = np.random.default_rng(seed)
     samples = uniform_samples(mesh, _TRIED_POINTS, seed)
     ways = rng.normal(size=(_CANDIDATES, 3))

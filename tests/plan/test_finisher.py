@@ -12,32 +12,21 @@ from gpis_grasp_planner.grasp.funnel import Loss, Step, Tally
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
 from gpis_grasp_planner.plan.finisher import Finisher
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
-from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
 from gpis_grasp_planner.surroundings.clearance_settings import ClearanceSettings
 from gpis_grasp_planner.surroundings.obstacles import Surroundings
 
 
-@pytest.fixture(scope="module")
-def context(make_context, catalogue):
-    """The mug after a short search."""
-    context = make_context(catalogue.load("mug"), seed=1)
-    search = PalmPoseOptimiser(context)
-    while context.evaluator.n_attempts < 200:
-        search.step()
-    return context
-
-
 @pytest.fixture
-def make_finisher(context, planner):
+def make_finisher(searched_mug, planner):
     """A finisher of the mug in free space; each call of its clock is a second later."""
 
     def make(confirmed):
-        prepared = planner.prepare(context.part)
+        prepared = planner.prepare(searched_mug.part)
         placing = GraspPlacing(planner.hand, Surroundings(), ClearanceSettings(), prepared.tree)
         tally = Tally()
-        tally.proposed = 200
+        tally.proposed = 300
         clock = map(float, itertools.count())
-        return Finisher(context, placing, confirmed, lambda: next(clock), tally)
+        return Finisher(searched_mug, placing, confirmed, lambda: next(clock), tally)
 
     return make
 
@@ -113,9 +102,10 @@ def test_the_cost_is_of_the_whole_finish(make_finisher):
 
 
 def test_pybullets_scene_agrees_with_grasps_and_not_with_one_that_is_moved(
-    make_finisher, context, planner
+    make_finisher, searched_mug, planner
 ):
-    part, prepared = context.part, planner.prepare(context.part)
+    part = searched_mug.part
+    prepared = planner.prepare(part)
     settings = planner.settings.scene
     with ConfirmingScene(part, planner.hand, part.friction, settings, prepared) as scene:
         finisher = make_finisher(scene.agrees)

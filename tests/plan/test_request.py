@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -100,3 +101,13 @@ def test_the_papers_planners_and_the_ablations_are_there():
     assert {"dual", "hpp", "paper", "random", "random-adaption"} <= set(PLANNERS)
     assert PlanRequest().planner == "dual"
     assert [check_planner(name) for name in PLANNERS] == list(PLANNERS)
+
+
+@pytest.mark.parametrize(
+    ("spent_s", "left_s"), [(0.0, 10.0), (0.05, 10.0), (2.0, 8.0), (5.0, 5.0), (60.0, 5.0)]
+)
+def test_again_gets_what_is_left_but_half_at_least(spent_s, left_s):
+    request = PlanRequest(time_budget_s=10.0, seed=3)
+    again = request.again(spent_s)
+    assert again.time_budget_s == left_s
+    assert replace(again, time_budget_s=10.0) == request

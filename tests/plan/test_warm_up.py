@@ -55,10 +55,12 @@ def test_the_box_is_closed_and_faces_outwards() -> None:
     np.testing.assert_allclose(part.mesh.extent, [0.04, 0.05, 0.07])
 
 
-def test_a_plan_after_it_compiles_nothing_more() -> None:
-    """No compiled function has a new signature after a real part is planned and placed."""
+def test_a_plan_after_it_compiles_nothing_more(tmp_path: Path) -> None:
+    """No function has a new signature after a real part is planned and placed, a cloud read."""
     program = """
 import sys
+from pathlib import Path
+import numpy as np
 from numba.core.registry import CPUDispatcher
 from gpis_grasp_planner.plan.warm_up import load_compiled, warm_up
 from gpis_grasp_planner.plan.planner import GraspPlanner
@@ -66,6 +68,7 @@ from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.catalogue import load_part
 from gpis_grasp_planner.plan.request import PlanRequest
 
 def signatures():
@@ -94,10 +97,13 @@ place = Place.from_mapping({
 }, lambda _: part.mesh)
 settings = PlannerSettings(uncertainty=UncertaintySettings(method="unscented"))
 GraspPlanner(settings).answer(part, request, place)
+way = np.random.default_rng(0).normal(size=(800, 3))
+np.savetxt(sys.argv[1], 0.03 * way / np.linalg.norm(way, axis=1, keepdims=True))
+load_part(Path(sys.argv[1]), "m")
 print(*sorted(signatures() - before), sep="\\n")
 """
     run = subprocess.run(
-        [sys.executable, "-c", program],
+        [sys.executable, "-c", program, str(tmp_path / "ball.xyz")],
         env={**os.environ, "PYTHONPATH": str(PACKAGE_ROOT)},
         capture_output=True,
         text=True,

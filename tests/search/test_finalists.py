@@ -8,17 +8,11 @@ from numpy.testing import assert_allclose
 
 from gpis_grasp_planner.search import finalists
 from gpis_grasp_planner.search.finalists import choose_finalists, grasp_of
-from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
 
 
 @pytest.fixture(scope="module")
-def context(make_context, catalogue):
-    """The mug after a short search."""
-    context = make_context(catalogue.load("mug"), seed=1)
-    search = PalmPoseOptimiser(context)
-    while context.evaluator.n_attempts < 300:
-        search.step()
-    return context
+def context(searched_mug):
+    return searched_mug
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from PIL import Image
-
-pytest.importorskip("viser")
-sync_api = pytest.importorskip("playwright.sync_api")
+from playwright import sync_api
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+pytestmark = pytest.mark.skipif(
+    BROWSER is None, reason="no Chromium here, and `make test` may not install it"
+)
 # Without a graphics card WebGL is drawn by software.
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 

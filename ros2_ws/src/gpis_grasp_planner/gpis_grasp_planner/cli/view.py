@@ -12,7 +12,9 @@ from gpis_grasp_planner.cli.exit_codes import SUCCESS
 from gpis_grasp_planner.cli.interrupt import raise_on_signals
 
 if TYPE_CHECKING:
+    from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
     from gpis_grasp_planner.geometry.mesh import TriangleMesh
+    from gpis_grasp_planner.plan.settings import PlannerSettings
     from gpis_grasp_planner.view.grasp_scene import GraspScene
     from gpis_grasp_planner.view.page import GraspPage
 
@@ -77,6 +79,12 @@ def run(arguments: argparse.Namespace) -> int:
     return SUCCESS
 
 
+def _settings(arguments: argparse.Namespace) -> tuple[PlannerSettings, CatalogueSettings]:
+    """Of files, `--set` and `--hand`."""
+    assignments = options.with_hand(arguments.assignments, arguments.hand)
+    return options.read_settings(arguments.settings, assignments)
+
+
 def _scene_of_document(arguments: argparse.Namespace) -> GraspScene:
     from gpis_grasp_planner.cli.drawing import hand_of
     from gpis_grasp_planner.plan.document import read_document
@@ -97,8 +105,7 @@ def _scene_of_part(arguments: argparse.Namespace) -> GraspScene:
     from gpis_grasp_planner.hand.description import load_hand
     from gpis_grasp_planner.view.grasp_scene import GraspScene
 
-    assignments = options.with_hand(arguments.assignments, arguments.hand)
-    settings, catalogue_settings = options.read_settings(arguments.settings, assignments)
+    settings, catalogue_settings = _settings(arguments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     part, _ = options.find_part(arguments.target, arguments.unit, catalogue, arguments.body)
     place = place_options.place_of(arguments, part, catalogue)
@@ -116,8 +123,7 @@ def _plan_live(arguments: argparse.Namespace, scene: GraspScene, page: GraspPage
     from gpis_grasp_planner.plan.request import PlanRequest
 
     request = PlanRequest(seed=arguments.seed, time_budget_s=arguments.time, verification="rank")
-    assignments = options.with_hand(arguments.assignments, arguments.hand)
-    settings, _ = options.read_settings(arguments.settings, assignments)
+    settings, _ = _settings(arguments)
     ready_to_plan(request.planner, page.say)
     shown = None
 
@@ -145,6 +151,6 @@ def _add_model(arguments: argparse.Namespace, scene: GraspScene, page: GraspPage
     from gpis_grasp_planner.plan.planner import GraspPlanner
     from gpis_grasp_planner.view.grasp_scene import search_model
 
-    settings, _ = options.read_settings(arguments.settings, arguments.assignments)
+    settings, _ = _settings(arguments)
     atlas = GraspPlanner(settings).prepare(scene.part).atlas
     page.add_model(*search_model(scene, atlas, settings.hpp.palm_clearance_m))

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
 from gpis_grasp_planner.geometry.formats.parsed_cloud import CLOUD_SUFFIXES, ParsedCloud
 from gpis_grasp_planner.geometry.formats.pcd import read_pcd
@@ -18,7 +17,7 @@ from gpis_grasp_planner.geometry.formats.xyz import read_xyz
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.mesh_file import MeshReport
 from gpis_grasp_planner.geometry.uncertainty import SurfaceUncertainty
-from gpis_grasp_planner.geometry.units import UNITS, known_units
+from gpis_grasp_planner.geometry.units import metres_per
 
 READERS: dict[str, Callable[[bytes, str, int], ParsedCloud]] = {
     ".ply": read_ply_points,
@@ -64,13 +63,8 @@ def parse_cloud(
     """
     from gpis_grasp_planner.geometry.cloud.reconstruct import reconstruct  # SciPy
 
-    if unit not in UNITS:
-        raise MeshError(
-            f"{name}: the unit is {unit!r}; it must be one of {known_units()}.",
-            ErrorCode.MESH_SIDECAR_INVALID,
-        )
+    metres = scale * metres_per(unit, name)
     parsed = READERS[suffix](data, name, settings.max_faces)
-    metres = scale * UNITS[unit]
     cloud = replace(
         parsed,
         points=parsed.points * metres,

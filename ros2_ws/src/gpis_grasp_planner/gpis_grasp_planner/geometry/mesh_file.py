@@ -27,7 +27,7 @@ from gpis_grasp_planner.geometry.formats.step import read_step
 from gpis_grasp_planner.geometry.formats.stl import read_stl
 from gpis_grasp_planner.geometry.formats.threemf import read_3mf
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.units import UNITS, known_units
+from gpis_grasp_planner.geometry.units import metres_per
 
 READERS: dict[str, Callable[[bytes, str, int], ParsedMesh]] = {
     ".stl": read_stl,
@@ -173,11 +173,7 @@ def parse_mesh(
     """Judge and parse the bytes of a mesh file; see :func:`load_mesh`."""
     from gpis_grasp_planner.geometry.defects import judge  # SciPy: 40 MB that the node saves
 
-    if unit not in UNITS:
-        raise MeshError(
-            f"{name}: the unit is {unit!r}; it must be one of {known_units()}.",
-            ErrorCode.MESH_SIDECAR_INVALID,
-        )
+    unit_m = metres_per(unit, name)
     parsed = _read(data, suffix, name, settings)
     notes = list(parsed.notes)
     faces = parsed.faces
@@ -185,7 +181,7 @@ def parse_mesh(
         piece = _chosen(parsed, body, name)
         faces = faces[piece.first : piece.end]
         notes.append(f"Of {len(parsed.pieces)} bodies only '{piece.name}' is the part.")
-    metres = scale * (1.0 if parsed.own_unit else UNITS[unit])
+    metres = scale * (1.0 if parsed.own_unit else unit_m)
     vertices, faces = _used(parsed.vertices, faces)
     judged = judge(
         vertices * metres,

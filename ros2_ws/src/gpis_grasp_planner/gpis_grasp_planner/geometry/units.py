@@ -21,6 +21,22 @@ def known_units() -> str:
     return "m, cm, mm, um, inch (or in)"
 
 
+def metres_per(unit: str, name: str) -> float:
+    """Length [m] of a unit; `name` is what messages call the file.
+
+    Raises
+    ------
+    MeshError
+        MESH_SIDECAR_INVALID for a unit that is not known.
+    """
+    if unit not in UNITS:
+        raise MeshError(
+            f"{name}: the unit is {unit!r}; it must be one of {known_units()}.",
+            ErrorCode.MESH_SIDECAR_INVALID,
+        )
+    return UNITS[unit]
+
+
 def unit_advice(unit: str) -> str:
     """How to give the unit of a file, for whoever reads the message."""
     return f"give the unit (--unit {unit}, or 'unit: {unit}' in its YAML file)"

@@ -85,9 +85,10 @@ def _of_surface(part: Part | None) -> tuple[Measure, ...]:
 def _known_contacts(
     objective: Objective, part: Part | None, settings: UncertaintySettings
 ) -> Objective:
-    for measure in _of_surface(part):
-        return KnownContacts(objective, measure, settings.contact_deviation_m)
-    return objective
+    if part is None or part.uncertainty is None:
+        return objective
+    [measure] = _of_surface(part)
+    return KnownContacts(objective, measure, settings.contact_deviation_m)
 
 
 def _reported(settings: ObjectiveSettings) -> tuple[Measure, ...]:

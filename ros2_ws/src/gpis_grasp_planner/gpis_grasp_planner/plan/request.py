@@ -21,6 +21,7 @@ from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
 from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
 
 TIME_BUDGET_RANGE_S = (0.1, 600.0)
+_MOMENT_S = 0.05
 GRASP_COUNT_RANGE = (1, 200)
 DEFAULT_FRICTION = Friction(finger=0.6, palm=0.6)
 SEED_LIMIT = 2**63 - 1
@@ -96,8 +97,11 @@ class PlanRequest:
         """The same request for a search that has to be made anew after `spent_s` [s].
 
         It gets what is left of the time budget, but at least half of it: where the first search
-        has used it up, an answer is late rather than missing.
+        has used it up, an answer is late rather than missing. A moment (50 ms) changes nothing: the
+        store knows the request again.
         """
+        if spent_s <= _MOMENT_S:
+            return self
         left = max(self.time_budget_s - spent_s, 0.5 * self.time_budget_s, TIME_BUDGET_RANGE_S[0])
         return replace(self, time_budget_s=left)
 

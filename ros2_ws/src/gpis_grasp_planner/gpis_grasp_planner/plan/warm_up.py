@@ -20,6 +20,9 @@ import numpy as np
 from gpis_grasp_planner.compiled import is_ready, mark_ready
 from gpis_grasp_planner.compiled_cache import remove_stale_caches
 from gpis_grasp_planner.forked_child import answer_requests, share_out, usable_cores
+from gpis_grasp_planner.geometry.cloud.closed_surface import CloudProcess
+from gpis_grasp_planner.geometry.cloud.process import Observations
+from gpis_grasp_planner.geometry.directions import even_directions
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.ray_crossings import crossing_numbers, outward_votes
@@ -62,6 +65,7 @@ from gpis_grasp_planner.verification.settings import VerificationSettings
 
 ATTEMPTS = 200
 _SURE = "random-adaption"
+_CLOUD_POINTS = 20
 MOST_SECONDS = 3.0
 FIELD_CELLS = 24
 
@@ -157,6 +161,7 @@ def warm_up(
     warm_up_placing(evaluator, part, tree, grasps[:2])
     say(f"placing: {time.monotonic() - began:.1f} s")
     warm_up_judging(part, tree)
+    warm_up_cloud()
     began = time.monotonic()
     warm_up_trials(part, field, tree, grasps[:1])
     say(f"trials: {time.monotonic() - began:.1f} s")
@@ -212,6 +217,15 @@ def warm_up_judging(part: Part, tree: TriangleTree) -> None:
     merge_equal(part.mesh.vertices, faces.astype(np.int64))
     crossing_numbers(tree, part.mesh.vertices[:1])
     outward_votes(tree, np.zeros(len(faces), dtype=np.int64), 1)
+
+
+def warm_up_cloud() -> None:
+    """Fit the process of a point cloud, and ask it for all that its surface is made of."""
+    points = even_directions(_CLOUD_POINTS)
+    process = CloudProcess(Observations(points, points, np.full(len(points), 0.1), 0.2))
+    process.grid(4)
+    process.deviation(points)
+    process.draws(1, points, points, seed=0)
 
 
 def warm_up_trials(

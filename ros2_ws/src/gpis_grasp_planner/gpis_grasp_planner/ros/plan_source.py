@@ -26,7 +26,6 @@ from gpis_grasp_planner.ros.worker.watch import PlanningProcess
 from gpis_grasp_planner.surroundings.place import Place
 
 _MOST_FACTS = 10_000
-_MOMENT_S = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,15 +221,13 @@ class PlanSource:
     ) -> Plan:
         """A new plan; what is known of the mesh goes with the order.
 
-        What placing has cost is taken off the budget; a moment does not change the request, so that
-        the store knows it again.
+        What placing has cost is taken off the budget.
         """
         key = self._key(order)
-        request = order.request.again(spent_s) if spent_s > _MOMENT_S else order.request
         plan = self._process.carry_out(
             replace(
                 order,
-                request=request,
+                request=order.request.again(spent_s),
                 place=None if place is None else place.as_mapping(),
                 known=b"" if known is None else known.record,
             ),

@@ -20,6 +20,8 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.extras import how_to_install
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
+from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.view.grasp_motion import MotionFrame
 from gpis_grasp_planner.view.grasp_scene import (
     ORDERS,
     GraspScene,
@@ -68,7 +70,7 @@ class GraspPage:
             self._server = viser.ViserServer(host, port, label="gpis-grasp view", verbose=False)
         self._nodes: dict[str, list[Any]] = {layer: [] for layer in _LAYERS}
         self._rows: list[int] = []
-        self._frames: Sequence[Any] = ()
+        self._frames: Sequence[MotionFrame] = ()
         self._add_still()
         self._add_controls()
         self.show_grasps(scene)
@@ -229,7 +231,7 @@ class GraspPage:
             self._show_layers()
             self._move()
 
-    def _add_contacts(self, grasp: Any) -> None:
+    def _add_contacts(self, grasp: Grasp) -> None:
         contacts = grasp.contacts
         for number, mesh in enumerate(friction_cones(grasp)):
             self._mesh("contacts", f"/object/part/cone{number}", mesh, _CONTACT)

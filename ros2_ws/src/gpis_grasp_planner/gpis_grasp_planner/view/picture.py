@@ -23,6 +23,7 @@ from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.view.camera import VIEWS, best_view, look_from
 from gpis_grasp_planner.view.ray_tracer import Body, Camera, Scene
+from gpis_grasp_planner.view.shapes import ellipsoid
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -31,6 +32,7 @@ OBJECT_COLOR = (0.93, 0.62, 0.22)
 CONTACT_COLOR = (0.86, 0.05, 0.07)
 PALM_COLOR = (0.23, 0.24, 0.26)
 LINK_COLORS = ((0.36, 0.38, 0.41), (0.52, 0.55, 0.59), (0.40, 0.47, 0.56))  # from the palm outwards
+_BALL_CORNERS = 162
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,22 +176,13 @@ def _camera(
 
 def _contact_markers(contacts: Contacts, diagonal: float) -> list[Body]:
     radius = 0.0085 * diagonal
-    ball = _ball(radius)
+    ball = ellipsoid(np.zeros(3), np.full(3, radius), _BALL_CORNERS)
     bodies = []
     for position, normal in zip(contacts.positions, contacts.normals_inward, strict=True):
         bodies.append(Body(TriangleMesh(ball.vertices + position, ball.faces), CONTACT_COLOR, True))
         arrow = _arrow(position, normal, 8.0 * radius, 0.3 * radius)
         bodies += [Body(part, CONTACT_COLOR, True) for part in arrow]
     return bodies
-
-
-def _ball(radius: float) -> TriangleMesh:
-    k = np.arange(162)
-    z = 1.0 - 2.0 * (k + 0.5) / len(k)
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * k  # the sunflower's golden angle
-    ring = np.sqrt(1.0 - z**2)
-    points = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
-    return convex_hull(radius * points)
 
 
 def _arrow(start: Array, direction: Array, length: float, radius: float) -> list[TriangleMesh]:

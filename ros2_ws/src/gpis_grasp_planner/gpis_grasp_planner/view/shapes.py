@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gpis_grasp_planner.geometry.directions import even_directions
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.link_mesh import convex_hull
@@ -15,14 +16,9 @@ Array = NDArray[np.float64]
 _CORNERS = 24
 
 
-def ellipsoid(center: ArrayLike, axes: ArrayLike) -> TriangleMesh:
-    """About `center` (3,) with half axes (3,) [m] along x, y, z."""
-    k = np.arange(400)
-    z = 1.0 - 2.0 * (k + 0.5) / len(k)
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * k  # the sunflower's golden angle
-    ring = np.sqrt(1.0 - z**2)
-    points = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
-    return convex_hull(np.asarray(center) + points * np.asarray(axes))
+def ellipsoid(center: ArrayLike, axes: ArrayLike, n: int = 400) -> TriangleMesh:
+    """About `center` (3,) with half axes (3,) [m] along x, y, z; of `n` vertices."""
+    return convex_hull(np.asarray(center) + even_directions(n) * np.asarray(axes))
 
 
 def cone(tip: ArrayLike, axis: ArrayLike, slope: float, length: float) -> TriangleMesh:

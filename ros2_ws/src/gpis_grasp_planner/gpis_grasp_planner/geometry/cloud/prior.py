@@ -43,9 +43,8 @@ class Ellipsoid:
         for t in range(3):
             # p = c + d n along one axis, with d drawn towards half of what was seen.
             spread = n[:, t] - n[:, t].mean()
-            held = _RIDGE
-            slope = spread @ (seen[:, t] - seen[:, t].mean()) / len(n) + held * half_seen[t]
-            half[t] = slope / (spread @ spread / len(n) + held)
+            slope = spread @ (seen[:, t] - seen[:, t].mean()) / len(n) + _RIDGE * half_seen[t]
+            half[t] = slope / (spread @ spread / len(n) + _RIDGE)
             half[t] = np.clip(half[t], _LEAST * half_seen[t], _MOST * half_seen.max())
             center[t] = seen[:, t].mean() - half[t] * n[:, t].mean()
         return Ellipsoid(middle + axes @ center, axes, half)

@@ -33,8 +33,6 @@ SILENCE_LIMIT_S = 5.0
 STOPPED_LIMIT_S = 2.0
 # After a cancel: what is finished within this time is answered, else nothing.
 CANCEL_WAIT_S = 0.2
-# A shorter wait for the process does not change the order.
-WAIT_LIMIT_S = 0.05
 _LOOK_S = 0.5
 AnyOrder = PlanOrder | PlaceOrder | DescribeOrder
 PREPARATION = (Phase.READING, Phase.PREPARING)
@@ -260,7 +258,7 @@ class PlanningProcess:
 
 def _shortened(order: AnyOrder, asked: PlanRequest, spent_s: float) -> AnyOrder:
     """The order with what is left of the time that was asked for; see `PlanRequest.again`."""
-    return replace(order, request=asked.again(spent_s)) if spent_s > WAIT_LIMIT_S else order
+    return replace(order, request=asked.again(spent_s))
 
 
 def _hangs(link: WorkerLink) -> bool:
