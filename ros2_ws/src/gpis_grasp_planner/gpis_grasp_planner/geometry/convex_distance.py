@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
-from gpis_grasp_planner.geometry.gjk import columns_distance, lowest, scratch_of
+from gpis_grasp_planner.geometry.gjk import columns_distance, scratch_of
+from gpis_grasp_planner.lanes import filled, lowest_along
 
 
 @njit(allocates=False)
@@ -32,13 +33,6 @@ def _box_gap(R, t, box_low, box_high, lower, upper, node):  # type: ignore[no-un
         if gap > 0.0:
             total += gap * gap
     return np.sqrt(total)
-
-
-@njit(allocates=False)
-def _lowest(columns, n, heights, nx, ny, nz):  # type: ignore[no-untyped-def]
-    for i in range(n):
-        heights[i] = nx * columns[0, i] + ny * columns[1, i] + nz * columns[2, i]
-    return lowest(heights, n)[1]
 
 
 @njit(allocates=False)
@@ -72,9 +66,11 @@ def _farthest(lower, upper, node, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @njit(allocates=False)
 def _columns_of(vertices, columns):  # type: ignore[no-untyped-def]
+    """The vertices' coordinates as rows, `filled`; returns how many."""
     for i in range(vertices.shape[0]):
         for c in range(3):
             columns[c, i] = vertices[i, c]
+    return filled(columns, vertices.shape[0])
 
 
 @njit
@@ -105,12 +101,11 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     p = np.empty(3)
     q = np.empty(3)
     triangle = np.empty((3, 3))
-    n = vertices.shape[0]
-    columns, heights, scratch = scratch_of(n)
-    _columns_of(vertices, columns)
+    columns, scratch = scratch_of(vertices.shape[0])
+    n = _columns_of(vertices, columns)
     if seed >= 0:
         _take_triangle(triangles, seed, triangle)
-        d = columns_distance(columns, n, heights, triangle, 3, 1e30, direction, p, q, scratch)
+        d = columns_distance(columns, n, triangle, 3, 1e30, direction, p, q, scratch)
         if d <= 0.0:
             return 0.0
     # separating plane of the best pair so far: all of the polytope has n.x >= plane
@@ -120,7 +115,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-        plane = _lowest(columns, n, heights, nx, ny, nz)
+        plane = lowest_along(columns, n, nx, ny, nz)[1]
         have_plane = True
     while top > 0:
         top -= 1
@@ -150,13 +145,13 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
             _take_triangle(triangles, f, triangle)
             if have_plane and plane - _highest(triangle, nx, ny, nz) >= best:
                 continue
-            d = columns_distance(columns, n, heights, triangle, 3, best, direction, p, q, scratch)
+            d = columns_distance(columns, n, triangle, 3, best, direction, p, q, scratch)
             if d <= 0.0:
                 return 0.0
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                plane = _lowest(columns, n, heights, nx, ny, nz)
+                plane = lowest_along(columns, n, nx, ny, nz)[1]
                 have_plane = True
     return best
 
@@ -178,9 +173,8 @@ def near_pairs(
     p = np.empty(3)
     q = np.empty(3)
     triangle = np.empty((3, 3))
-    n = vertices.shape[0]
-    columns, heights, scratch = scratch_of(n)
-    _columns_of(vertices, columns)
+    columns, scratch = scratch_of(vertices.shape[0])
+    n = _columns_of(vertices, columns)
     # the separating plane of the nearest pair so far; what lies `limit` behind it is too far
     nx = ny = nz = 0.0
     plane = -np.inf
@@ -202,7 +196,7 @@ def near_pairs(
             _take_triangle(triangles, f, triangle)
             if nearest < limit and plane - _highest(triangle, nx, ny, nz) >= limit:
                 continue
-            d = columns_distance(columns, n, heights, triangle, 3, limit, direction, p, q, scratch)
+            d = columns_distance(columns, n, triangle, 3, limit, direction, p, q, scratch)
             if 0.0 < d < limit and count < p_self.shape[0]:
                 for c in range(3):
                     p_self[count, c] = p[c]
@@ -211,5 +205,5 @@ def near_pairs(
                 if d < nearest:
                     nearest = d
                     nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                    plane = _lowest(columns, n, heights, nx, ny, nz)
+                    plane = lowest_along(columns, n, nx, ny, nz)[1]
     return count
