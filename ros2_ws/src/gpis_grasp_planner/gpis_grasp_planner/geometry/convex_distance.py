@@ -115,7 +115,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-        plane = lowest_along(columns, n, nx, ny, nz)[1]
+        plane = lowest_along(columns, n, (nx, ny, nz))[1]
         have_plane = True
     while top > 0:
         top -= 1
@@ -151,7 +151,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                plane = lowest_along(columns, n, nx, ny, nz)[1]
+                plane = lowest_along(columns, n, (nx, ny, nz))[1]
                 have_plane = True
     return best
 
@@ -197,13 +197,15 @@ def near_pairs(
             if nearest < limit and plane - _highest(triangle, nx, ny, nz) >= limit:
                 continue
             d = columns_distance(columns, n, triangle, 3, limit, direction, p, q, scratch)
-            if 0.0 < d < limit and count < p_self.shape[0]:
+            if 0.0 < d < limit:
                 for c in range(3):
                     p_self[count, c] = p[c]
                     p_other[count, c] = q[c]
                 count += 1
+                if count == p_self.shape[0]:
+                    return count
                 if d < nearest:
                     nearest = d
                     nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                    plane = lowest_along(columns, n, nx, ny, nz)[1]
+                    plane = lowest_along(columns, n, (nx, ny, nz))[1]
     return count

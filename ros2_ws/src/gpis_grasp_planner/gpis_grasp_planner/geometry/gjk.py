@@ -143,28 +143,6 @@ def _nearest_in_tetrahedron(s):  # type: ignore[no-untyped-def]
     return not outside_any
 
 
-@njit(allocates=False)
-def lowest(heights, n):  # type: ignore[no-untyped-def]
-    """Index and value of the smallest of heights[:n], the first of equal ones.
-
-    In two passes, the first of them in four strands: one that carries index and value along waits
-    for every comparison, which took most of a query's time.
-    """
-    a = b = c = d = np.inf
-    for i in range(3, n, 4):
-        a = min(a, heights[i - 3])
-        b = min(b, heights[i - 2])
-        c = min(c, heights[i - 1])
-        d = min(d, heights[i])
-    for i in range(n - n % 4, n):
-        a = min(a, heights[i])
-    best = min(min(a, b), min(c, d))
-    for i in range(n):
-        if heights[i] == best:
-            return i, best
-    return 0, best
-
-
 @njit
 def scratch_of(n):  # type: ignore[no-untyped-def]
     """Arrays for :func:`columns_distance` and polytopes of up to n vertices.
@@ -188,7 +166,7 @@ def columns_distance(columns, n_self, other, n_other, limit, direction, p_self, 
     distance2 = np.inf
     for _ in range(_ITERATIONS):
         # support of the difference polytope - other in direction -v
-        self_index, best = lowest_along(columns, n_self, vx, vy, vz)
+        self_index, best = lowest_along(columns, n_self, (vx, vy, vz))
         best_other = -np.inf
         other_index = 0
         for i in range(n_other):
