@@ -21,6 +21,7 @@ from gpis_grasp_planner.ros.conversions import (
     funnel_messages,
     grasp_message,
     grasp_messages,
+    pose_message,
 )
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
@@ -172,7 +173,7 @@ class GraspAnswering:
             response.best_attempt = [attempt]
         response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
         if response.success:
-            self._publishers.publish(response.grasps)
+            self._publishers.publish(response.grasps, pose_message(shown.T_world_object))
             self.last_answered = request
 
     def _in_frame(self, pose: ObjectPose, frame_id: str) -> ObjectPose:
