@@ -14,6 +14,7 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 from gpis_grasp_planner.quality.figures import ALWAYS, Figure
@@ -149,6 +150,8 @@ class PlanResult:
         How long each phase of the request took (`plan.progress.Phase`).
     funnel : Funnel
         Where grasps were lost on the way to this answer.
+    lost_palms : LostPalms
+        Some of their places in space, by cause.
     reserve : Reserve
         Further grasps, for surroundings in which those of the answer are blocked.
     """
@@ -178,6 +181,7 @@ class PlanResult:
     reserve: Reserve = field(default_factory=Reserve)
     phase_s: Mapping[str, float] = field(default_factory=dict)
     funnel: Funnel = field(default_factory=Funnel)
+    lost_palms: LostPalms = field(default_factory=LostPalms)
     objective: str = ""
     figures: tuple[Figure, ...] = ALWAYS
 

@@ -14,11 +14,12 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
-from gpis_grasp_planner.grasp.funnel import Funnel, Tally
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.measured import with_measures
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
@@ -339,6 +340,7 @@ class PlanRun:
             reserve,
             tuple(self._convergence),
             funnel,
+            self._tally.lost_palms,
         )
         support = self.place.around().support
         return Answer(
