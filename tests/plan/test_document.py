@@ -21,6 +21,7 @@ from gpis_grasp_planner.geometry.catalogue import (
     load_part,
 )
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.grasp.lost_palms import MOST_OF_A_CAUSE
 from gpis_grasp_planner.plan.document import (
     MeshSource,
     check_same_mesh,
@@ -173,7 +174,10 @@ def test_a_document_reads_back_as_it_was_written(tmp_path: Path, result: PlanRes
         assert (ours.epsilon, ours.volume) == (theirs.epsilon, theirs.volume)
     assert read.result.funnel == result.funnel
     assert list(read.result.lost_palms.positions) == list(result.lost_palms.positions)
+    assert result.lost_palms.positions.keys() <= result.funnel.lost.keys()
     for key, rows in result.lost_palms.positions.items():
+        lost = result.funnel.lost[key]
+        assert min(lost, MOST_OF_A_CAUSE // 2) <= len(rows) <= min(lost, MOST_OF_A_CAUSE)
         np.testing.assert_allclose(read.result.lost_palms.positions[key], rows, atol=5.1e-6)
     assert read.result.phase_s == result.phase_s
     again = document_of(read.result, read.mesh_source)

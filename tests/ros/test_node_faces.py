@@ -58,7 +58,7 @@ def latched(client: Any, tools: Any) -> Iterator[Callable[..., Any]]:
 
     yield take
     for subscription in made:
-        client.node.destroy_subscription(subscription)
+        client.in_executor(client.node.destroy_subscription, subscription)
 
 
 def test_a_robot_model_finds_every_link_at_the_palm_pose(
@@ -148,7 +148,7 @@ def test_lifetime_and_frames_are_parameters_of_the_running_node(
     last = latched(TFMessage, "/tf_static")
     assert last.transforms[0].header.frame_id == "short"
     set_to(0.0, "links")
-    client.node.destroy_client(service)
+    client.in_executor(client.node.destroy_client, service)
 
 
 def published(client: Any) -> dict[str, list[str]]:
