@@ -31,7 +31,8 @@ LEVELS = (
     {"plan"},
     {"store"},
     {"view"},
-    {"ros", "cli"},
+    {"ros"},
+    {"cli"},
 )
 # Beside the tower: imports only these, and is imported by the searches and what is above them.
 OPTIMISE_IMPORTS = {"errors", "settings"}
