@@ -296,6 +296,7 @@ def _part(
     if sidecar.symmetry is not None:
         _check_symmetry(mesh_id, mesh, sidecar.symmetry)
     mass = sidecar.mass
+    assumed = mass is None and sidecar.density is None
     if mass is None:
         density = sidecar.density
         if density is None:
@@ -315,6 +316,7 @@ def _part(
         friction=sidecar.friction,
         notes=(*report.notes, *notes),
         simplified=simplified,
+        mass_assumed=assumed,
     )
 
 

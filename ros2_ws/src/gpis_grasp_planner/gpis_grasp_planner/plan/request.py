@@ -51,6 +51,9 @@ class PlanRequest:
         Boxes in the part's frame that the hand must not touch.
     verification : str
         One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
+    objective, task : str
+        What a good grasp is, in place of the settings' `objective.name` and `objective.task`;
+        empty: as those say. A task alone implies the objective ``task``.
     """
 
     planner: str = "dual"
@@ -60,6 +63,8 @@ class PlanRequest:
     friction: Friction | None = None
     max_evaluations: int | None = None
     verification: str = "none"
+    objective: str = ""
+    task: str = ""
     approach: ApproachCone | None = None
     forbidden: tuple[ForbiddenRegion, ...] = ()
 

@@ -44,7 +44,7 @@ from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
-from gpis_grasp_planner.verification.protocol import prepare
+from gpis_grasp_planner.verification.protocol import PreparedPart, prepare
 from gpis_grasp_planner.verification.running_trials import (
     RunningTrials,
     processes_alone,
@@ -210,8 +210,12 @@ class PlanRun:
             self.settings.cache, self.part.working_mesh, verification.cover_tolerance_m
         )
         kept.load_into(made.cover)
+        drawn = [
+            (part, PreparedPart.of(part, verification, *draw))
+            for part, draw in zip(self.part.drawn, prepared.draws, strict=True)
+        ]
         trials = RunningTrials(
-            self.part, self.hand, verification, made, cases, kept.save, self.monitor.now
+            self.part, self.hand, verification, made, cases, drawn, kept.save, self.monitor.now
         )
         self._owned.callback(kept.save, made.cover)
         self._owned.callback(trials.close)

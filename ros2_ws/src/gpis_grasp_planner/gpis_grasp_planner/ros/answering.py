@@ -130,6 +130,8 @@ class GraspAnswering:
             request.planner,
             request.verification,
             self._settings(),
+            objective=request.objective,
+            task=request.task,
         )
         self._plans.check_mesh_id(request.mesh_id)
         given = self._poses.from_request(request.object_pose)
@@ -161,6 +163,7 @@ class GraspAnswering:
         if plan.code == ErrorCode.CANCELLED and call.cancelled:
             response.message = f"{call.why_cancelled} {plan.message}"
         response.evaluations = plan.evaluations
+        response.objective = plan.objective
         response.funnel = funnel_messages(plan.funnel)
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
