@@ -190,8 +190,8 @@ class Tally:
 
         Those whose status is `BLOCKED` are proposals here; whoever blocked them counts the loss.
         """
-        self.proposed += len(attempts)
         status = attempts.status
+        self.proposed += _count(status != AttemptStatus.NOT_TRIED)
         self.lose(Step.PALM_FREE, Loss.PALM, _count(status == AttemptStatus.PALM_COLLISION))
         self.lose(Step.CLOSED, Loss.ITSELF, _count(status == AttemptStatus.SELF_COLLISION))
         few = status == AttemptStatus.TOO_FEW_CONTACTS

@@ -193,11 +193,19 @@ class PlanRun:
             bullet = self._owned.enter_context(BulletEvaluator(*arguments))
             return bullet, bullet.tally
         constrained = ConstrainedEvaluator(
-            CompiledEvaluator(*arguments), self.hand, self._constraints, scene.retreat_m
+            CompiledEvaluator(*arguments, self._is_over),
+            self.hand,
+            self._constraints,
+            scene.retreat_m,
         )
         balanced = with_balance(constrained, self.hand, self.part, self.settings)
         measured = with_measures(balanced, self._objective.measures, self.part, scene.cone_edges)
         return measured, constrained.tally
+
+    def _is_over(self) -> bool:
+        """Whether the answer is due, so that not even a begun batch of attempts goes on."""
+        limited = self.request.max_evaluations is not None
+        return self.monitor.stopped() or (not limited and self.monitor.now() >= self._deadline)
 
     def _make_trials(self) -> RunningTrials:
         verification, prepared = self.settings.verification, self._prepared
