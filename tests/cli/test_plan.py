@@ -45,6 +45,25 @@ def test_the_document_says_what_was_asked_for(planned: Path) -> None:
     assert ranks == sorted(ranks, reverse=True)
     assert document["n_evaluations"] >= 192
     assert all(c["friction"] == 0.8 for g in document["grasps"] for c in g["contacts"])
+    phases = document["phase_s"]
+    assert {"reading", "preparing", "searching"} <= set(phases)
+    assert 0.0 < phases["reading"] < sum(phases.values()) <= document["elapsed_s"] + 1e-6
+
+
+def test_reading_counts_and_it_is_said_where_little_was_left_for_the_search(
+    gpis_grasp, tmp_path: Path
+) -> None:
+    file = tmp_path / "fine.stl"
+    trimesh.creation.icosphere(subdivisions=6, radius=0.04).export(file)
+    answer = gpis_grasp(
+        *("plan", file, "--unit", "m", "--time", "0.5", "--verify", "none", "--grasps", "1"),
+        *("--json", tmp_path / "fine.json"),
+    )
+    assert "note: Reading and preparing the part took" in answer.err
+    assert " s of 0.5 s; --time " in answer.err
+    document = json.loads((tmp_path / "fine.json").read_text())
+    assert document["phase_s"]["reading"] > 0.25
+    assert document["elapsed_s"] > document["phase_s"]["reading"]
 
 
 def test_the_picture_is_one(planned: Path) -> None:
