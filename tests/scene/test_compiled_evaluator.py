@@ -10,8 +10,9 @@ import pytest
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
-from gpis_grasp_planner.grasp.funnel import Step, Tally
+from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.search_space import PalmSearchSpace
