@@ -79,7 +79,8 @@ class Monitor:
     clock : callable
         Seconds, steady.
     reading_s : float [s]
-        What reading the part took before this object was made; it counts.
+        What reading the part took before this object was made. It counts, but half of the budget
+        is left after it: a mesh that took long to read is not refused for that.
 
     Attributes
     ----------
@@ -103,7 +104,7 @@ class Monitor:
         self.now = clock
         self.start = clock() - reading_s
         self.time_budget_s = time_budget_s
-        self.deadline = self.start + time_budget_s
+        self.deadline = max(self.start + time_budget_s, clock() + 0.5 * time_budget_s)
         self.phase_s: dict[Phase, float] = {Phase.READING: reading_s} if reading_s else {}
         self.cancelled = False
         self._on_progress = on_progress
