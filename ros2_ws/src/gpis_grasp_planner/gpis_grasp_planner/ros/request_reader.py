@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,6 +91,7 @@ class RequestReader:
 
     def start(self) -> None:
         """Begin to read."""
+        self._node.context.on_shutdown(self._end)  # it does not wake who waits
         self._thread.start()
 
     def close(self) -> None:
@@ -99,9 +100,13 @@ class RequestReader:
         The services go with the node, or by whoever destroys them.
         """
         if self._thread.is_alive():
-            self._ending.trigger()
+            self._end()
             self._thread.join()
         self._ending.destroy()
+
+    def _end(self) -> None:
+        with suppress(rclpy_implementation.InvalidHandle):
+            self._ending.trigger()
 
     def _read(self) -> None:
         """Read until :meth:`close`, or until the context is gone."""
