@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from terminal_sessions import PROGRAM, environment, in_pipe, in_terminal
 
-from gpis_grasp_planner.cli.catalogue_jobs import Outcome
+from gpis_grasp_planner.batch.outcome import Outcome
 from gpis_grasp_planner.cli.plan_all import progress_text
 from gpis_grasp_planner.plan.document import document_of
 from gpis_grasp_planner.store.grasp_store import GraspStore
