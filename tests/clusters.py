@@ -12,8 +12,6 @@ from pathlib import Path
 
 from terminal_sessions import PROGRAM, environment
 
-# A worker takes no further part before it is done with one: a loss then costs one part.
-ONE_AT_A_TIME = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_SATURATION": "1.0"}
 # A worker of another version of the planner.
 OTHER_VERSION = """
 import sys
@@ -58,7 +56,7 @@ class Cluster:
         """Start a process that ends with the test."""
         process = subprocess.Popen(
             command,
-            env=environment(**ONE_AT_A_TIME | changes),
+            env=environment(**changes),
             stdout=self._log,
             stderr=self._log,
             text=True,
@@ -84,7 +82,7 @@ class Cluster:
         return process
 
 
-def parts_under_way(worker: subprocess.Popen[str]) -> set[int]:
+def _forked_children(worker: subprocess.Popen[str]) -> set[int]:
     """Process IDs of the forked children of a worker, each of which plans a part."""
     tasks = Path(f"/proc/{worker.pid}/task").iterdir()
     children = {int(pid) for task in tasks for pid in (task / "children").read_text().split()}
@@ -93,18 +91,25 @@ def parts_under_way(worker: subprocess.Popen[str]) -> set[int]:
     return {pid for pid in children if _command_line(pid) == program}
 
 
-def kill_in_the_middle(worker: subprocess.Popen[str], limit_s: float = 120.0) -> int:
-    """Kill a worker (SIGKILL) while a part is planned; the process ID of the part's child."""
+def part_under_way(worker: subprocess.Popen[str], limit_s: float = 120.0) -> int:
+    """Wait until a worker plans a part; the process ID of its child."""
     deadline = time.monotonic() + limit_s
     before: set[int] = set()
-    while not (still := before & (now := parts_under_way(worker))):
+    # Twice: a program that is started looks like its parent for a moment.
+    while not (still := before & (now := _forked_children(worker))):
         assert worker.poll() is None
         assert time.monotonic() < deadline
         before = now
         time.sleep(0.1)
+    return still.pop()
+
+
+def kill_in_the_middle(worker: subprocess.Popen[str]) -> int:
+    """Kill a worker (SIGKILL) while a part is planned; the process ID of the part's child."""
+    child = part_under_way(worker)
     os.kill(worker.pid, signal.SIGKILL)
     worker.wait()
-    return still.pop()
+    return child
 
 
 def _command_line(pid: int) -> bytes:

@@ -151,6 +151,23 @@ def test_without_a_store_it_says_so(gpis_grasp, tree):
     assert "store.path=FILE" in answer.err
 
 
+def test_without_a_scheduler_both_commands_say_how_to_start_one(gpis_grasp, tree, monkeypatch):
+    monkeypatch.setattr("gpis_grasp_planner.batch.cluster._CONNECT_S", 1.0)
+    nobody = "tcp://127.0.0.1:9"
+    there = ("--set", f"store.path={tree.parent / 'none.sqlite'}")
+    for words in (("plan-all", tree, "--scheduler", nobody, *there), ("worker", nobody)):
+        answer = gpis_grasp(*words)
+        assert answer.code == 1
+        assert "Start one with 'dask scheduler'" in answer.err
+        assert len(answer.err.splitlines()) == 1
+
+
+def test_jobs_are_for_this_machine(gpis_grasp, tree):
+    answer = gpis_grasp("plan-all", tree, "--scheduler", "tcp://127.0.0.1:9", "--jobs", 2)
+    assert answer.code == 1
+    assert "gpis-grasp worker ADDRESS --jobs N" in answer.err
+
+
 def test_the_progress_counts_by_what_is_planned_now():
     kept = Outcome("a", "SUCCESS", "", 3, from_store=True, mesh_hash="0")
     new = Outcome("b", "SUCCESS", "", 3, mesh_hash="0")

@@ -41,10 +41,10 @@ from gpis_grasp_planner.store.record import Record
 
 _CONNECT_S = 10.0
 _FIRST_WORKER_S = 30.0
-_LOOK_S = 0.05
+_LOOK_S = 0.02
 _COUNT_WORKERS_S = 1.0
-# Parts under way for each that can be planned at a time, so that no worker waits for this process.
-_IN_FLIGHT = 2
+# Parts that are read before a worker is free for them.
+_READ_AHEAD = 4
 _NUMERIC = ("numpy", "scipy", "numba", "pybullet")
 
 
@@ -97,10 +97,7 @@ def plan_on_worker(
     """Plan one part in a child of the worker; the plan, or the error that ended it."""
     here = versions()
     if here != wanted:
-        other = ", ".join(
-            f"{k} {v} (wanted {wanted[k]})" for k, v in here.items() if v != wanted[k]
-        )
-        return _Unfit(f"has {other}. Install the same versions on every machine")
+        return _Unfit(f"has {_other(here, wanted)}. Install the same versions on every machine")
     if multiprocessing.current_process().daemon:
         return _Unfit(
             "may not start processes. Start it by 'gpis-grasp worker', or by "
@@ -150,9 +147,10 @@ def serve_worker(address: str, jobs: int, say: Callable[[str], None]) -> None:
 
 
 @dataclass(eq=False)
-class _Sent:
-    """A part that is planned somewhere, and others of the same content that wait for its plan."""
+class _Asked:
+    """A part that is to be planned, and others of the same content that wait for its plan."""
 
+    key: str
     part: Part
     began: float
     same: list[str]
@@ -176,7 +174,8 @@ class Cluster:
     def __init__(self, work: CatalogueWork, address: str) -> None:
         _be_quiet()
         self._work, self._address = work, address
-        self._sent: dict[str, _Sent] = {}
+        self._asked: dict[str, _Asked] = {}
+        self._ready: deque[str] = deque()
         self._counted = -_COUNT_WORKERS_S
         self._workers: dict[str, int] = {}
         try:
@@ -185,8 +184,10 @@ class Cluster:
             raise _no_scheduler(address, error) from None
         try:
             self._check_workers()
-        except BaseException:
+        except BaseException as error:
             self._client.close()
+            if isinstance(error, OSError):
+                raise _lost(address) from None
             raise
         self._finished = as_completed(loop=self._client.loop, with_results=True)
 
@@ -195,7 +196,7 @@ class Cluster:
 
     def __exit__(self, *_: object) -> None:
         with contextlib.suppress(Exception):  # of a scheduler that is gone
-            self._client.cancel(list(self._sent), force=True)
+            self._client.cancel(list(self._asked), force=True)
         with contextlib.suppress(Exception):
             self._client.close(timeout=2)
 
@@ -221,34 +222,31 @@ class Cluster:
             Where the scheduler is lost, or a worker may not plan. What came before is kept.
         """
         waiting = deque(mesh_ids)
-        while (waiting or self._sent) and not stopped():
+        while (waiting or self._asked) and not stopped():
             if self._client.status != "running":
-                raise SystemFault(
-                    f"The scheduler {self._address} was lost. What was planned is kept; the same "
-                    "command goes on when it is there again."
-                )
+                raise _lost(self._address)
             self._count_workers()
             show([f"{len(self._workers)} workers"])
-            room = _IN_FLIGHT * max(1, sum(self._workers.values()))
-            begin = bool(waiting) and len(self._sent) < room
-            if begin:
-                outcome = self._begun(waiting.popleft())
+            read = bool(waiting) and len(self._ready) < _READ_AHEAD
+            if read:
+                outcome = self._read(waiting.popleft())
                 if outcome is not None:
                     yield outcome
+            self._send()
             came = self._finished.next_batch(block=False)
             for future, answer in came:
-                sent = self._sent.pop(future.key)
-                waiting.extendleft(sent.same)
-                outcome = self._kept(future, answer, sent)
+                asked = self._asked.pop(future.key)
+                waiting.extendleft(asked.same)
+                outcome = self._kept(future, answer, asked)
                 if outcome is None:
-                    waiting.append(sent.part.mesh_id)
+                    waiting.append(asked.part.mesh_id)
                 else:
                     yield outcome
-            if not begin and not came:
+            if not read and not came:
                 time.sleep(_LOOK_S)
 
-    def _begun(self, mesh_id: str) -> Outcome | None:
-        """Send a part; its outcome where it is known already."""
+    def _read(self, mesh_id: str) -> Outcome | None:
+        """Make a part ready to be sent; its outcome where that is known already."""
         began = time.monotonic()
         work = self._work
         try:
@@ -259,20 +257,32 @@ class Cluster:
             return Outcome.failed(mesh_id, error, time.monotonic() - began)
         if outcome is not None:
             return outcome
-        if key in self._sent:
-            self._sent[key].same.append(mesh_id)
+        if key in self._asked:
+            self._asked[key].same.append(mesh_id)
             return None
-        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
-            future = self._client.submit(
-                plan_on_worker, work.planning, _bare(part), versions(), key=key
-            )
-        self._sent[key] = _Sent(part, began, [])
-        self._finished.add(future)
+        self._asked[key] = _Asked(key, part, began, [])
+        self._ready.append(key)
         return None
 
-    def _kept(self, future: Future[Any], answer: Any, sent: _Sent) -> Outcome | None:
+    def _send(self) -> None:
+        """Send as many parts as can be planned at a time.
+
+        Where a worker is lost, Dask counts that against all parts that wait there: none do.
+        """
+        sent = len(self._asked) - len(self._ready)
+        while self._ready and sent < sum(self._workers.values()):
+            asked = self._asked[self._ready.popleft()]
+            with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
+                future = self._client.submit(
+                    plan_on_worker, self._work.planning, _bare(asked.part), versions(),
+                    key=asked.key,
+                )  # fmt: skip
+            self._finished.add(future)
+            sent += 1
+
+    def _kept(self, future: Future[Any], answer: Any, asked: _Asked) -> Outcome | None:
         """Keep what a worker answered; None where the part has to be sent anew."""
-        part, spent = sent.part, time.monotonic() - sent.began
+        part, spent = asked.part, time.monotonic() - asked.began
         if future.status == "cancelled":  # by somebody else
             return None
         if future.status == "error":
@@ -292,8 +302,7 @@ class Cluster:
             raise SystemFault(f"A worker of {self._address} {answer.message}.")
         if isinstance(answer, GraspPlannerError):
             return Outcome.failed(part.mesh_id, answer, spent)
-        asked = self._work.planning.conditions(part, self._work.planner.hand)
-        if answer.conditions != asked:
+        if answer.conditions != self._work.planning.conditions(part, self._work.planner.hand):
             raise SystemFault(
                 f"A worker planned '{part.mesh_id}' for other conditions than were asked for. Do "
                 "files that settings name (hands, arms) have the same content on every machine?"
@@ -339,6 +348,13 @@ def _bare(part: Part) -> Part:
         part,
         mesh=TriangleMesh(part.mesh.vertices, part.mesh.faces),
         simplified=simplified and TriangleMesh(simplified.vertices, simplified.faces),
+    )
+
+
+def _lost(address: str) -> SystemFault:
+    return SystemFault(
+        f"The scheduler {address} was lost. What was planned is kept; the same command goes on when "
+        "it is there again."
     )
 
 
