@@ -353,8 +353,8 @@ def _bare(part: Part) -> Part:
 
 def _lost(address: str) -> SystemFault:
     return SystemFault(
-        f"The scheduler {address} was lost. What was planned is kept; the same command goes on when "
-        "it is there again."
+        f"The scheduler {address} was lost. What was planned is kept; the same command goes on "
+        "when it is there again."
     )
 
 
