@@ -10,6 +10,7 @@ import time
 
 import pytest
 import trimesh
+from clusters import part_under_way
 from terminal_sessions import PROGRAM, environment, in_pipe, in_terminal
 
 from gpis_grasp_planner.batch.outcome import Outcome
@@ -124,7 +125,7 @@ def test_ctrl_c_keeps_what_is_done(tree, path):
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(6.0)
+    part_under_way(process)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30.0)
     assert process.returncode == 130
