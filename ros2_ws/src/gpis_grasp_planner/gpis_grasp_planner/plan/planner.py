@@ -18,6 +18,7 @@ from gpis_grasp_planner.plan.answer import Answer
 from gpis_grasp_planner.plan.constraints import arm_constraint, make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.objective import make_objective, settings_for
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.placing import KnownAnswer, place_known
 from gpis_grasp_planner.plan.preparation import Preparation, PreparedObject
@@ -108,14 +109,16 @@ class GraspPlanner:
         Raises
         ------
         RequestError
-            For an unknown planner, a part that reaches into its support (INVALID_SCENE), or
-            constraints with the search in PyBullet.
+            For an unknown planner or objective, a part that reaches into its support
+            (INVALID_SCENE), or constraints with the search in PyBullet.
         PoseError
             INVALID_COVARIANCE.
         PlanningError
             CANCELLED or DEADLINE_EXCEEDED while the part was prepared.
         """
         check_planner(request.planner)
+        settings = settings_for(request, self.settings)
+        make_objective(settings, part)  # before anything is prepared: whether it is known
         place = self.placed(place)
         if monitor is None:
             make_ready(request.planner)  # where nothing is compiled yet: once, before the clock
@@ -138,7 +141,7 @@ class GraspPlanner:
             seeds = earlier.finished
         placing, hold = self._placing(part, prepared, request, place)
         with monitor.phase(Phase.PREPARING):
-            run = PlanRun(part, self.settings, prepared, request, place, placing, hold, monitor)
+            run = PlanRun(part, settings, prepared, request, place, placing, hold, monitor)
         with run:
             return _with_notes(run.answer(seeds), notes)
 
@@ -179,7 +182,8 @@ class GraspPlanner:
             make_constraints(self.hand, request, elsewhere, self.settings, arm),
             arm,
         )
-        hold = HoldRanking(part, self.hand, self.settings, prepared, place.covariance, request)
+        settings = settings_for(request, self.settings)
+        hold = HoldRanking(part, self.hand, settings, prepared, place.covariance, request)
         return placing, hold
 
     def plan(
