@@ -181,5 +181,6 @@ def test_the_order_names_what_counts(result: PlanResult) -> None:
     uncertain = tuple(replace(g, hold_probability=0.5) for g in result.grasps)
     weight = result.settings["hpp"]["volume_weight"]
     assert order_text(replace(result, grasps=uncertain)) == (
-        f"Best first by P(hold), epsilon + {weight:g} volume; # counts from 0."
+        f"Best first by P(hold), epsilon + {weight:g} volume as far as the closing balances; "
+        "# counts from 0."
     )
