@@ -165,7 +165,8 @@ def _make(name: str, situation: Situation) -> Constraint:
     except Exception as error:  # of a stranger's function
         raise RequestError(
             f"The constraint '{name}' ({point.value}) cannot be made for "
-            f"'{situation.part.mesh_id}': {error!r}. Repair it, or leave it out of constraints.names."
+            f"'{situation.part.mesh_id}': {error!r}. Repair it, or leave it out of "
+            "constraints.names."
         ) from error
     if not (complete and isinstance(made, Constraint)):
         raise RequestError(

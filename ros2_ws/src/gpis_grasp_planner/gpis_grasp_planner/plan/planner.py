@@ -18,6 +18,7 @@ from gpis_grasp_planner.plan.answer import Answer
 from gpis_grasp_planner.plan.constraints import arm_constraint, make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.objective import make_objective, settings_for
 from gpis_grasp_planner.plan.own_constraints import own_constraints
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.placing import KnownAnswer, place_known
@@ -109,14 +110,16 @@ class GraspPlanner:
         Raises
         ------
         RequestError
-            For an unknown planner, a part that reaches into its support (INVALID_SCENE), or
-            constraints with the search in PyBullet.
+            For an unknown planner or objective, a part that reaches into its support
+            (INVALID_SCENE), or constraints with the search in PyBullet.
         PoseError
             INVALID_COVARIANCE.
         PlanningError
             CANCELLED or DEADLINE_EXCEEDED while the part was prepared.
         """
         check_planner(request.planner)
+        settings = settings_for(request, self.settings)
+        make_objective(settings, part)  # before anything is prepared: whether it is known
         place = self.placed(place)
         if monitor is None:
             make_ready(request.planner)  # where nothing is compiled yet: once, before the clock
@@ -140,7 +143,7 @@ class GraspPlanner:
             seeds = earlier.finished
         placing, hold = self._placing(part, prepared, request, place)
         with monitor.phase(Phase.PREPARING):
-            run = PlanRun(part, self.settings, prepared, request, place, placing, hold, monitor)
+            run = PlanRun(part, settings, prepared, request, place, placing, hold, monitor)
         with run:
             return _with_notes(run.answer(seeds), notes)
 
@@ -163,7 +166,7 @@ class GraspPlanner:
 
     def placed(self, place: Place | None) -> Place:
         """The place as this planner takes it: before the arm of its settings, if there is one."""
-        place = place or Place()
+        place = Place() if place is None else place  # a bare pose is false, and counts all the same
         if not self.settings.arm.model:
             return replace(place, T_world_arm=None)
         return place if place.T_world_arm is not None else replace(place, T_world_arm=np.eye(4))
@@ -183,7 +186,8 @@ class GraspPlanner:
             arm,
             own,
         )
-        hold = HoldRanking(part, self.hand, self.settings, prepared, place.covariance, request)
+        settings = settings_for(request, self.settings)
+        hold = HoldRanking(part, self.hand, settings, prepared, place.covariance, request)
         return placing, hold
 
     def plan(

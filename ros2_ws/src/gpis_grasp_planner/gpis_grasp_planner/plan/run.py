@@ -14,11 +14,12 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
-from gpis_grasp_planner.grasp.funnel import Funnel, Tally
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.measured import with_measures
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
@@ -43,7 +44,7 @@ from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import finalist_cases
-from gpis_grasp_planner.verification.protocol import prepare
+from gpis_grasp_planner.verification.protocol import PreparedPart, prepare
 from gpis_grasp_planner.verification.running_trials import (
     RunningTrials,
     processes_alone,
@@ -211,8 +212,12 @@ class PlanRun:
             self.settings.cache, self.part.working_mesh, verification.cover_tolerance_m
         )
         kept.load_into(made.cover)
+        drawn = [
+            (part, PreparedPart.of(part, verification, *draw))
+            for part, draw in zip(self.part.drawn, prepared.draws, strict=True)
+        ]
         trials = RunningTrials(
-            self.part, self.hand, verification, made, cases, kept.save, self.monitor.now
+            self.part, self.hand, verification, made, cases, drawn, kept.save, self.monitor.now
         )
         self._owned.callback(kept.save, made.cover)
         self._owned.callback(trials.close)
@@ -341,6 +346,7 @@ class PlanRun:
             reserve,
             tuple(self._convergence),
             funnel,
+            self._tally.lost_palms,
         )
         support = self.place.around().support
         return Answer(

@@ -101,6 +101,8 @@ class CatalogueServices:
             time_budget=request.time_budget,
             n_grasps=request.n_grasps,
             verification=request.verification,
+            objective=request.objective,
+            task=request.task,
             support_plane=request.support_plane,
             obstacles=request.obstacles,
             target_frame=request.target_frame,

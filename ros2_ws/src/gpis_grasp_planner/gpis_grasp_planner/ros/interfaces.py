@@ -79,7 +79,7 @@ class Interfaces:
             lambda: parameters.node,
             poses,
             plans,
-            GraspPublishers(node, hand),
+            GraspPublishers(node, hand, planning.plain_file, lambda: parameters.node),
             scenes,
             frames.transform,
         )
