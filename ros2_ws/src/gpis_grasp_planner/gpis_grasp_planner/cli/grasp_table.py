@@ -82,7 +82,7 @@ def order_text(result: PlanResult) -> str:
     weight = result.settings["hpp"]["volume_weight"]  # documents before figures had names
     objective = result.objective or f"epsilon + {weight:g} volume"
     balanced = result.settings["hpp"].get("balance_friction_share", 0.0) > 0.0
-    rules.append(objective + " as far as the closing balances" * balanced)
+    rules.append(f"({objective}) x balance" if balanced else objective)
     return f"Best first by {', '.join(rules)}; # counts from 0."
 
 
