@@ -20,7 +20,7 @@ LEVELS = (
     {"errors", "whole_file", "packed_arrays", "thread_limits"},
     {"compiled_cache"},
     {"compiled"},
-    {"settings", "forked_child", "extras"},
+    {"settings", "forked_child", "extras", "registered"},
     {"disk_cache"},
     {"geometry"},
     {"surface", "hand"},
