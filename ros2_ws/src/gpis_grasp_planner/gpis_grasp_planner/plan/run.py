@@ -93,7 +93,9 @@ class PlanRun:
         self._prepared = prepared
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
-        self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
+        self._constraints = make_constraints(
+            self.hand, request, place, settings, placing.arm, placing.own
+        )
         self._objective = make_objective(settings, part)
         self._evaluator, self._tally = self._make_evaluator()
         self._archive = GraspArchive(part.max_radius, self._objective)
