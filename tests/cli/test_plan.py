@@ -84,7 +84,7 @@ def test_the_same_seed_gives_the_same_document(gpis_grasp, planned: Path) -> Non
     answer = gpis_grasp("plan", mesh, "--unit", "mm", "--friction", 0.8, *QUICK, "--json", again)
     assert answer.code == 0
     assert f"{0:>3}" in answer.out
-    assert "192 grasps tried" in answer.out
+    assert "192 attempts in" in answer.out
     first, second = (json.loads(path.read_text()) for path in (planned, again))
     assert first["grasps"] == second["grasps"]
     best = first["grasps"][0]["epsilon"]

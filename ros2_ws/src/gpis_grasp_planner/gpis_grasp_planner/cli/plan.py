@@ -100,6 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_settings(parser)
     place_options.add_place(parser)
     constraint_options.add_constraints(parser)
+    constraint_options.add_own(parser)
     parser.add_argument(
         "--explain",
         action="store_true",
@@ -165,6 +166,7 @@ def _plan(
     assignments = options.with_hand(arguments.assignments, arguments.hand)
     assignments = options.with_arm(assignments, arguments.arm)
     assignments = options.with_objective(assignments, arguments.objective, arguments.task)
+    assignments = constraint_options.with_own(assignments, arguments.constraint_names)
     settings, catalogue_settings = options.read_settings(arguments.settings, assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
     from gpis_grasp_planner.cli.preparation import ready_to_plan, timed_reading
@@ -219,7 +221,7 @@ def _show(result: PlanResult) -> None:
     tables.print_text(grasp_table.order_text(result))
     tables.print_text(grasp_table.LEGEND)
     tables.print_text(
-        f"{result.evaluations} grasps tried in {result.elapsed_s:.1f} s; friction "
+        f"{result.evaluations} attempts in {result.elapsed_s:.1f} s; friction "
         f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm."
     )
 

@@ -87,7 +87,9 @@ class PlanRun:
         self._prepared = prepared
         self._friction = request.friction_for(part.friction)
         self._owned = ExitStack()
-        self._constraints = make_constraints(self.hand, request, place, settings, placing.arm)
+        self._constraints = make_constraints(
+            self.hand, request, place, settings, placing.arm, placing.own
+        )
         self._objective = make_objective(settings, part)
         self._evaluator, self._tally = self._owned.enter_context(
             search_evaluator(
