@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from test_architecture import PACKAGE, imported_names
 
-OPTIONAL = ("cascadio", "coal", "eaik", "matplotlib", "mujoco", "open3d", "PIL", "viser")
+OPTIONAL = (
+    "cascadio", "coal", "distributed", "eaik", "matplotlib", "mujoco", "open3d", "PIL", "viser",
+)  # fmt: skip
 # Distributions whose module has another name.
 MODULES = {"fast-simplification": "fast_simplification", "pillow": "PIL", "PyYAML": "yaml"}
 
@@ -81,6 +83,8 @@ def write_cloud(path: Path) -> Path:
         (["plan", "box.step"], "cascadio", "step"),
         (["plan", "ball.xyz", "--unit", "m"], "Open3D", "cloud"),
         (["view", "mug"], "viser", "view"),
+        (["plan-all", ".", "--scheduler", "tcp://127.0.0.1:1"], "Dask distributed", "cluster"),
+        (["worker", "tcp://127.0.0.1:1"], "Dask distributed", "cluster"),
     ],
 )
 def test_what_needs_an_extra_says_so_in_one_line(

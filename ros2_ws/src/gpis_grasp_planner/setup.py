@@ -57,6 +57,7 @@ setup(
         "mujoco": ["mujoco"],  # verification.engine
         "arm": ["coal", "eaik"],  # arm.model
         "view": ["viser"],  # gpis-grasp view
+        "cluster": ["distributed"],  # plan-all --scheduler
     },
     entry_points={
         "console_scripts": [

@@ -74,6 +74,21 @@ def check_drawable() -> None:
         raise RequestError(how_to_install("A picture", "Pillow", "pictures"))
 
 
+def check_cluster() -> None:
+    """Refuse where the library of a cluster is not installed.
+
+    Raises
+    ------
+    RequestError
+        With the command that installs it.
+    """
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.extras import how_to_install, is_installed
+
+    if not is_installed("distributed"):
+        raise RequestError(how_to_install("A cluster", "Dask distributed", "cluster"))
+
+
 @contextmanager
 def count_progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
     """Show a bar over `total` things, moved on by the name of each; silent without a terminal."""
