@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
 import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from spinning_executor import SpinningExecutor
 
 from gpis_grasp_msgs.action import PlanGrasp as PlanGraspAction
 from gpis_grasp_msgs.msg import PartPoses
@@ -109,15 +110,7 @@ class NodeClient:
         self._known = self.node.create_client(PlanGrasp, "get_grasps", qos_profile=MANY)
         self._action = ActionClient(self.node, PlanGraspAction, "plan_grasp")
         self.parts = self.node.create_publisher(PartPoses, "part_poses", 10)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while not self._ended.is_set():
-            self._executor.spin_once(timeout_sec=0.1)
+        self._executor = SpinningExecutor(self.node, context=self._context)
 
     def __enter__(self) -> Self:
         there = self._service.wait_for_service(READY_S) and self._action.wait_for_server(READY_S)
@@ -127,9 +120,7 @@ class NodeClient:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
-        self._executor.shutdown()
+        self._executor.end()
         self._action.destroy()
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)
@@ -147,8 +138,10 @@ class NodeClient:
         goal = Goal()
         fields = PlanGraspAction.Goal.get_fields_and_field_types()
         message = PlanGraspAction.Goal(**{name: getattr(request, name) for name in fields})
-        goal.handle = waited(self._action.send_goal_async(message, goal.take_feedback))
-        goal.result = goal.handle.get_result_async()
+        run = self._executor.run
+        goal.handle = waited(run(self._action.send_goal_async, message, goal.take_feedback))
+        goal.result = run(goal.handle.get_result_async)
+        goal.cancel = partial(run, goal.handle.cancel_goal_async)
         return goal
 
 
@@ -158,6 +151,7 @@ class Goal:
     def __init__(self) -> None:
         self.handle: Any = None
         self.result: Any = None
+        self.cancel: Callable[[], Any]
         self.phase = ""
 
     def take_feedback(self, message: Any) -> None:
@@ -170,9 +164,6 @@ class Goal:
                 return True
             time.sleep(0.005)
         return False
-
-    def cancel(self) -> None:
-        self.handle.cancel_goal_async()
 
     def answer(self) -> Any:
         """The result, None where none came in a minute."""

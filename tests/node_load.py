@@ -15,9 +15,9 @@ from typing import Any, Self
 import rclpy
 from geometry_msgs.msg import PoseWithCovariance
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from spinning_executor import SpinningExecutor
 
 from gpis_grasp_msgs.action import PlanGrasp as PlanGraspAction
 from gpis_grasp_msgs.msg import PartPose, PartPoses
@@ -35,29 +35,19 @@ class Clients:
 
     def __init__(self, name: str, number: int) -> None:
         rclpy.init()
-        self._executor = SingleThreadedExecutor()
         self.nodes = [Node(f"{name}_{k}") for k in range(number)]
         self.services = [
             node.create_client(PlanGrasp, "plan_grasp", qos_profile=MANY) for node in self.nodes
         ]
-        for node, service in zip(self.nodes, self.services, strict=True):
-            self._executor.add_node(node)
-            if not service.wait_for_service(LIMIT_S):
-                raise RuntimeError("the node is not there")
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while not self._ended.is_set():
-            self._executor.spin_once(timeout_sec=0.2)
+        if not all(service.wait_for_service(LIMIT_S) for service in self.services):
+            raise RuntimeError("the node is not there")
+        self._executor = SpinningExecutor(*self.nodes)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
+        self._executor.end()
         rclpy.try_shutdown()
 
     def call(self, k: int, request: Any) -> tuple[Any, float]:

@@ -276,3 +276,17 @@ def test_a_step_file_says_that_its_own_unit_counts(write, mesh_path):
     part = load_part(mesh_path(write.step_box((60, 50, 40)), "box.step"), "m")
     np.testing.assert_allclose(part.mesh.extent, write.box_size, rtol=1e-6)
     assert any("names its own" in n for n in part.notes)
+
+
+def test_a_plain_file_is_what_others_can_show(tmp_path):
+    for name in ("plain.stl", "scaled.obj", "other.ply", "body.stl"):
+        (tmp_path / name).write_bytes(b"")  # it is not read
+    (tmp_path / "scaled.yaml").write_text("unit: inch\nscale: 2.0\n")
+    (tmp_path / "body.yaml").write_text("body: 1\n")
+    catalogue = MeshCatalogue([tmp_path], CatalogueSettings(default_unit="mm"))
+    assert catalogue.plain_file("plain") == (tmp_path / "plain.stl", 1e-3)
+    assert catalogue.plain_file("scaled") == (tmp_path / "scaled.obj", 0.0508)
+    assert catalogue.plain_file("other") is None  # might be a cloud
+    assert catalogue.plain_file("body") is None
+    with pytest.raises(RequestError, match="unknown"):
+        catalogue.plain_file("gear")

@@ -7,9 +7,13 @@ import pytest
 import trimesh
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.grasp.force_closure_bound import has_no_force_closure
+from gpis_grasp_planner.grasp.force_closure_bound import (
+    has_no_force_closure,
+    is_only_pressed_down,
+)
 
 RADIUS_M = 0.2
+GAP_M = 2e-4
 
 
 def mesh_of(solid: trimesh.Trimesh) -> TriangleMesh:
@@ -65,3 +69,52 @@ def test_out_of_time_nothing_is_refused() -> None:
     assert not has_no_force_closure(
         mesh, np.arange(len(mesh.faces)), RADIUS_M, 0.5, late=lambda: True
     )
+
+
+def pressed_down(solid: trimesh.Trimesh, friction: float, margin_mm: float) -> bool:
+    mesh = mesh_of(solid)
+    heights = mesh.vertices[:, 2] - mesh.vertices[:, 2].min()
+    up = np.array([0.0, 0.0, 1.0])
+    return is_only_pressed_down(mesh, up, heights, friction, 1e-3 * margin_mm, GAP_M)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.6, 1.0])
+def test_a_ball_is_only_pressed_down_where_its_cap_is_within_the_friction_angle(friction) -> None:
+    """What is touched over m - g sin is a cap whose rim has a rise of (m - g sin - r) / r."""
+    r, sine = 2e-3, np.sin(np.arctan(friction))
+    ball = trimesh.creation.icosphere(5, r)
+    margin = r + r * sine + GAP_M * sine
+    facet = 2e-4  # the ball is faceted
+    assert pressed_down(ball, friction, 1e3 * (margin + facet))
+    assert not pressed_down(ball, friction, 1e3 * (margin - facet))
+
+
+def test_a_box_is_only_pressed_down_where_none_of_its_sides_is_reached() -> None:
+    box = trimesh.creation.box([0.05, 0.02, 0.0028])
+    assert pressed_down(box, 0.6, 3.0)
+    assert not pressed_down(box, 0.6, 2.8)
+    turned = box.copy()
+    turned.apply_transform(trimesh.transformations.rotation_matrix(0.6, [0, 0, 1]))
+    assert pressed_down(turned, 0.6, 3.0)
+
+
+def test_no_touch_that_presses_sideways_or_up_is_possible_where_it_says_so(rng) -> None:
+    """Brute force: hand points off random places of refused lenses, over the margin."""
+    refused_parts = 0
+    for _ in range(40):
+        friction, margin = rng.uniform(0.2, 1.0), 3e-3
+        lens = trimesh.creation.icosphere(3, 1.0)
+        lens.apply_scale(rng.uniform(1.3e-3, [6e-3, 6e-3, 3e-3]))
+        lens.apply_transform(
+            trimesh.transformations.rotation_matrix(0.3 * rng.normal(), [1.0, 0.0, 0.0])
+        )
+        lowest = lens.vertices[:, 2].min()
+        if not pressed_down(lens, friction, 1e3 * margin):
+            continue
+        refused_parts += 1
+        points, faces = trimesh.sample.sample_surface(lens, 4000, seed=int(rng.integers(2**31)))
+        normals = lens.face_normals[faces]
+        hand = points + rng.uniform(0.0, GAP_M, (len(points), 1)) * normals
+        touches = hand[:, 2] - lowest >= margin
+        assert (normals[touches, 2] > np.sin(np.arctan(friction))).all()
+    assert refused_parts >= 5

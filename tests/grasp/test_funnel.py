@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
-from gpis_grasp_planner.grasp.funnel import Funnel, Loss, Step, Tally
+from gpis_grasp_planner.grasp.funnel import Funnel, Loss, Step
 
 LOSSES = st.dictionaries(
     st.tuples(st.sampled_from(list(Step)[1:]), st.sampled_from(("a", "b", *Loss))),
@@ -78,40 +76,3 @@ def test_what_cannot_be_is_refused(proposed, lost, last):
 def test_a_table_that_does_not_add_up_is_refused(rows, word):
     with pytest.raises(ValueError, match=word):
         Funnel.of_table(rows)
-
-
-@given(st.lists(st.tuples(st.sampled_from(list(AttemptStatus)), st.integers(0, 3), st.booleans())))
-def test_what_is_tallied_are_the_attempts_with_force_closure(made):
-    """For any statuses; blocked ones are counted by whoever blocked them."""
-    n = len(made)
-    attempts = Attempts(
-        T_object_palm=np.tile(np.eye(4), (n, 1, 1)),
-        spread=np.zeros(n),
-        status=np.array([status for status, _, _ in made], dtype=np.int64),
-        joints=np.zeros((n, 8)),
-        n_contacts=np.array([k for _, k, _ in made], dtype=np.int64),
-        positions=np.zeros((n, 3, 3)),
-        normals_inward=np.zeros((n, 3, 3)),
-        friction=np.zeros((n, 3)),
-        links=np.zeros((n, 3), dtype=np.int64),
-        epsilon=np.array([0.1 if good else -1.0 for _, _, good in made]),
-        volume=np.zeros(n),
-    )
-    tally = Tally()
-    tally.propose(attempts)
-    blocked = sum(status is AttemptStatus.BLOCKED for status, _, _ in made)
-    tally.lose(Step.CLEAR, "finger", blocked)
-    good = sum(status is AttemptStatus.GRASPED and good for status, _, good in made)
-    assert tally.proposed == len(made)
-    funnel = tally.funnel(Step.CLEAR)
-    assert funnel.left(Step.CLEAR) == good
-    assert funnel.blocked == ({"finger": blocked} if blocked else {})
-
-
-def test_palms_without_a_free_place_are_proposals_that_were_lost():
-    tally = Tally()
-    tally.reject(np.array([True, False, False]))
-    assert tally.funnel(Step.CLEAR).table[:2] == (
-        (Step.PROPOSED, 2, {}),
-        (Step.PALM_FREE, 0, {str(Loss.DEEP): 2}),
-    )

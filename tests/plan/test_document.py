@@ -21,6 +21,7 @@ from gpis_grasp_planner.geometry.catalogue import (
     load_part,
 )
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.grasp.lost_palms import MOST_OF_A_CAUSE
 from gpis_grasp_planner.plan.document import (
     MeshSource,
     check_same_mesh,
@@ -172,6 +173,12 @@ def test_a_document_reads_back_as_it_was_written(tmp_path: Path, result: PlanRes
         np.testing.assert_array_equal(ours.contacts.friction, theirs.contacts.friction)
         assert (ours.epsilon, ours.volume) == (theirs.epsilon, theirs.volume)
     assert read.result.funnel == result.funnel
+    assert list(read.result.lost_palms.positions) == list(result.lost_palms.positions)
+    assert result.lost_palms.positions.keys() <= result.funnel.lost.keys()
+    for key, rows in result.lost_palms.positions.items():
+        lost = result.funnel.lost[key]
+        assert min(lost, MOST_OF_A_CAUSE // 2) <= len(rows) <= min(lost, MOST_OF_A_CAUSE)
+        np.testing.assert_allclose(read.result.lost_palms.positions[key], rows, atol=5.1e-6)
     assert read.result.phase_s == result.phase_s
     again = document_of(read.result, read.mesh_source)
     first = json.loads((tmp_path / "grasps.json").read_text())
@@ -285,6 +292,8 @@ def _set(path: str, value: object):  # type: ignore[no-untyped-def]
         ("funnel.3.left", 10**9, "are left by the losses"),
         ("funnel.2.step", "open", "steps are proposed"),
         ("funnel.4.lost", {"no force closure": 0}, "no force closure"),
+        ("lost_palms.0.step", "open", "one of proposed"),
+        ("lost_palms.0.positions.0", [1.0, 2.0], "positions"),
         ("grasps.0.palm_pose.orientation_xyzw", [0.0, 0.0, 0.0, 0.0], "orientation_xyzw"),
         ("grasps.0.palm_pose.orientation_xyzw.3", 7.0, "orientation_xyzw"),
         ("grasps.0.palm_pose.position.0", "0.1", r"grasps\[0\].palm_pose.position\[0\]"),

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpis_grasp_planner.grasp.funnel import Loss, Step, Tally
+from gpis_grasp_planner.grasp.funnel import Loss, Step
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
 from gpis_grasp_planner.plan.finisher import Finisher
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing

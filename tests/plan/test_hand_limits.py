@@ -9,7 +9,11 @@ import pytest
 import trimesh
 
 from gpis_grasp_planner.errors import ErrorCode
-from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.catalogue import (
+    MeshCatalogue,
+    default_catalogue_directory,
+    load_part,
+)
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan import run as run_module
@@ -32,6 +36,17 @@ def limit(part, place=None):
     return limit_of(part, load_hand(), FRICTION, place or Place(), SETTINGS, monitor)
 
 
+def dowel(diameter_mm, length_mm):
+    """A solid pin along x, its ends rounded by 0.3 of the radius as the set of hard parts' are."""
+    r, h = 0.5e-3 * diameter_mm, 0.5e-3 * length_mm
+    turn = np.linspace(0.0, 0.5 * np.pi, 7)
+    end = np.stack([0.7 * r + 0.3 * r * np.sin(turn), h - 0.3 * r + 0.3 * r * np.cos(turn)], axis=1)
+    outline = np.concatenate([[[0.0, -h]], end[:, :] * [1, -1], end[::-1], [[0.0, h]]])
+    pin = trimesh.creation.revolve(outline, sections=24)
+    pin.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, [0, 1, 0]))
+    return pin
+
+
 def on_table(part):
     lowest = np.array([0.0, 0.0, part.mesh.bounds[0, 2]])
     return Place(surroundings=Surroundings(SupportPlane(lowest, UP)))
@@ -46,6 +61,7 @@ def test_no_shipped_part_is_refused_free_or_on_a_table(mesh_id):
 
 def test_an_open_surface_is_not_refused_for_its_one_side(oracle):
     crate = oracle.make_part("crate", trimesh.creation.box([0.9, 0.9, 0.9]), FRICTION)
+    crate = replace(crate, mass=1.0)
     assert limit(crate) is not None
     assert limit(replace(crate, watertight=False)) is None
 
@@ -57,6 +73,40 @@ def test_a_sheet_flat_on_the_table_is_refused_with_its_height(oracle):
     assert "rises 1.0 mm above 'support'" in found.message
     assert "clearance.margin_m" in found.message
     assert limit(sheet) is None
+
+
+@pytest.mark.parametrize("length_mm", [20, 60])
+def test_a_pin_of_3_mm_on_the_table_is_refused_with_its_height(oracle, length_mm):
+    pin = oracle.make_part("pin", dowel(3.0, length_mm), FRICTION)
+    found = limit(pin, on_table(pin))
+    assert found.code is ErrorCode.ALL_GRASPS_BLOCKED
+    assert "rises 3.0 mm above 'support'" in found.message
+    assert "3.0 mm (clearance.margin_m)" in found.message
+    assert "friction angle of 31 degrees" in found.message
+    assert limit(pin) is None  # free it is held: eleven of eleven grasps of one 40 mm long
+    thick = oracle.make_part("thick", dowel(5.0, length_mm), FRICTION)
+    assert limit(thick, on_table(thick)) is None
+
+
+def test_a_part_over_the_payload_is_refused_where_its_mass_is_known(oracle):
+    heavy = replace(oracle.make_part("heavy", trimesh.creation.box([0.08, 0.08, 0.12])), mass=6.1)
+    found = limit(heavy)
+    assert found.code is ErrorCode.NO_FEASIBLE_GRASP
+    assert "weighs 6.1 kg, more than the hand carries (6 kg" in found.message
+    assert limit(replace(heavy, mass_assumed=True)) is None
+    assert limit(replace(heavy, mass=6.0)) is None
+
+
+def test_the_catalogue_says_which_mass_is_assumed(tmp_path):
+    source = default_catalogue_directory() / "mug.stl"
+    for sidecar, assumed in (
+        ("unit: mm\n", True),
+        ("unit: mm\ndensity: 7850\n", False),
+        ("unit: mm\nmass: 0.3\n", False),
+    ):
+        (tmp_path / "mug.stl").write_bytes(source.read_bytes())
+        (tmp_path / "mug.yaml").write_text(sidecar)
+        assert load_part(tmp_path / "mug.stl").mass_assumed is assumed
 
 
 def test_a_search_for_what_is_refused_finds_nothing_either(oracle, monkeypatch):

@@ -15,6 +15,7 @@ from gpis_grasp_planner.plan.objective import (
     measures_of,
     objective_of,
     reported_measures,
+    settings_for,
 )
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.request import PlanRequest
@@ -69,6 +70,40 @@ def test_what_cannot_be_is_an_error_before_anything_is_planned(values, word: str
     with pytest.raises(RequestError, match=word) as caught:
         plan(settings_of(**values))
     assert caught.value.code == ErrorCode.INVALID_SETTING
+
+
+@pytest.mark.parametrize(
+    ("asked", "wanted"),
+    [
+        ({}, ("min_weight", "lift 0 0 1")),
+        ({"objective": "paper"}, ("paper", "lift 0 0 1")),
+        ({"task": TASK}, ("task", TASK)),
+        ({"objective": "task", "task": TASK}, ("task", TASK)),
+    ],
+)
+def test_a_request_may_ask_for_an_objective_of_its_own(asked, wanted) -> None:
+    settings = settings_of(name="min_weight")
+    of_request = settings_for(PlanRequest(**asked), settings)
+    assert (of_request.objective.name, of_request.objective.task) == wanted
+    assert of_request.objective.report == settings.objective.report
+    assert (of_request is settings) == (not asked)
+
+
+def test_a_requests_objective_gives_the_plan_of_the_setting(plans) -> None:
+    """To the bit: the same search at the same seed and number of evaluations."""
+    _, asked = plan(PlannerSettings(), task=TASK)
+    assert asked.objective == plans["task"].objective
+    assert asked.settings["objective"] == plans["task"].settings["objective"]
+    assert [grasp.quality for grasp in asked.grasps] == [
+        grasp.quality for grasp in plans["task"].grasps
+    ]
+
+
+def test_a_requests_unknown_objective_is_an_error_before_anything_is_prepared() -> None:
+    part = MeshCatalogue([default_catalogue_directory()]).load("bracket")
+    planner = GraspPlanner()
+    with pytest.raises(RequestError, match="no measure 'nonsense'; known are min_weight"):
+        planner.answer(part, PlanRequest(objective="nonsense"))
 
 
 def test_an_unknown_report_is_an_error() -> None:

@@ -22,9 +22,9 @@ import pytest
 import rclpy
 import rclpy.time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from spinning_executor import SpinningExecutor
 from std_msgs.msg import Header
 
 from gpis_grasp_msgs.srv import PlanGrasp
@@ -116,15 +116,8 @@ class Client:
         # All answers of the node pass through every client's reader.
         many = QoSProfile(depth=1000)
         self._service = self.node.create_client(PlanGrasp, "plan_grasp", qos_profile=many)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while not self._stop.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
+        self._executor = SpinningExecutor(self.node, context=self.context)
+        self.in_executor = self._executor.run
 
     def call(self, request: PlanGrasp.Request) -> PlanGrasp.Response:
         """Call plan_grasp where one node alone offers it: with two, either could answer."""
@@ -147,9 +140,7 @@ class Client:
         return self.call(plan_request(mesh_id, **fields))
 
     def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._executor.shutdown()
+        self._executor.end()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 

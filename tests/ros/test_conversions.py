@@ -14,8 +14,8 @@ from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.quality.contacts import Contacts
-from gpis_grasp_planner.quality.figures import Quality
-from gpis_grasp_planner.ros.conversions import funnel_messages, grasp_message
+from gpis_grasp_planner.quality.figures import ALWAYS, Figure, Quality
+from gpis_grasp_planner.ros.conversions import figure_messages, funnel_messages, grasp_message
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
 
@@ -138,4 +138,17 @@ def test_the_pose_out_is_the_estimate_times_the_planned_grasp(
     assert np.array_equal(message.grasp.position, grasp.joints)
     assert np.array_equal(message.pre_grasp.position, grasp.pregrasp_joints)
     assert (message.epsilon, message.volume) == (0.1, 0.02)
+    assert [(f.name, f.value) for f in message.figures] == [("epsilon", 0.1), ("volume", 0.02)]
     assert (message.mesh_id, message.mesh_hash) == ("mug", "abc")
+
+
+def test_every_figure_with_a_meaning_goes_out_with_it() -> None:
+    stiffness = Figure("stiffness", "N/m", False, "How little it gives.", "A user's own.")
+    quality = Quality(0.1, 0.02, 0.5, {"stiffness": 7.0, "nobody_knows": 1.0})
+    messages = figure_messages(quality, (*ALWAYS, stiffness))
+    assert [(m.name, m.value, m.unit, m.larger_is_better) for m in messages] == [
+        ("epsilon", 0.1, "", True),
+        ("volume", 0.02, "", True),
+        ("imbalance", 0.5, "", False),
+        ("stiffness", 7.0, "N/m", False),
+    ]

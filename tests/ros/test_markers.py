@@ -5,12 +5,14 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from geometry_msgs.msg import Point, Vector3
+import pytest
+from geometry_msgs.msg import Point, Pose, Vector3
 from visualization_msgs.msg import Marker
 
-from gpis_grasp_msgs.msg import Contact, Grasp
+from gpis_grasp_msgs.msg import Contact, Grasp, GraspVerification
 from gpis_grasp_planner.hand.description import load_hand, urdf_text
-from gpis_grasp_planner.ros.markers import NORMAL_LENGTH_M, GraspMarkers
+from gpis_grasp_planner.ros.markers import NORMAL_LENGTH_M, GraspMarkers, ShownPart
+from gpis_grasp_planner.ros.quality_color import FELL, HELD, NOT_TRIED
 
 HAND = load_hand()
 
@@ -34,7 +36,7 @@ def grasp() -> Grasp:
 
 def test_every_visual_mesh_of_the_urdf_is_shown_once() -> None:
     urdf = urdf_text(HAND)
-    markers = GraspMarkers(HAND, urdf).array(grasp()).markers
+    markers = GraspMarkers(HAND, urdf).array([grasp()]).markers
     assert markers[0].action == Marker.DELETEALL
     hand = [m for m in markers if m.ns == "hand"]
     in_urdf = [m.get("filename") for m in ET.fromstring(urdf).iterfind("link/visual/geometry/mesh")]
@@ -50,7 +52,7 @@ def test_every_visual_mesh_of_the_urdf_is_shown_once() -> None:
 
 
 def test_the_arrow_ends_at_the_contact_and_points_inward() -> None:
-    markers = GraspMarkers(HAND, urdf_text(HAND)).array(grasp()).markers
+    markers = GraspMarkers(HAND, urdf_text(HAND)).array([grasp()]).markers
     [sphere] = [m for m in markers if m.ns == "contacts"]
     [arrow] = [m for m in markers if m.ns == "normals_inward"]
     assert sphere.pose.position == Point(x=0.1, y=0.2, z=0.3)
@@ -65,7 +67,7 @@ def test_boxes_of_a_hand_are_shown_where_the_urdf_has_them() -> None:
     message.grasp.name = list(hand.joint_names)
     message.grasp.position = [0.0] * hand.n_joints
     urdf = urdf_text(hand)
-    markers = [m for m in GraspMarkers(hand, urdf).array(message).markers if m.ns == "hand"]
+    markers = [m for m in GraspMarkers(hand, urdf).array([message]).markers if m.ns == "hand"]
     assert len(markers) == len(ET.fromstring(urdf).findall("link/visual/geometry/box")) > 0
     assert {m.type for m in markers} == {Marker.CUBE}
     base = markers[
@@ -73,3 +75,60 @@ def test_boxes_of_a_hand_are_shown_where_the_urdf_has_them() -> None:
     ]  # the palm link's first: 76 x 76 x 62 mm, its middle 31 mm above the palm frame
     assert [base.scale.x, base.scale.y, base.scale.z] == [0.076, 0.076, 0.062]
     assert np.isclose(base.pose.position.z, 1.031)
+
+
+def test_lifetime_header_and_names_of_all_markers() -> None:
+    better, worse = grasp(), grasp()
+    worse.pre_grasp_palm_pose.pose.position.x = -0.1
+    part = ShownPart(Pose(position=Point(x=0.4)), "file:///tmp/part.stl", 1e-3)
+    clear, *markers = GraspMarkers(HAND, urdf_text(HAND)).array([better, worse], part, 2.25).markers
+    assert clear.action == Marker.DELETEALL
+    assert {(m.lifetime.sec, m.lifetime.nanosec) for m in markers} == {(2, 250_000_000)}
+    assert {m.header.frame_id for m in markers} == {"map"}
+    assert len({(m.ns, m.id) for m in markers}) == len(markers)
+    assert {m.ns for m in markers} == {
+        "part", "hand", "contacts", "normals_inward", "way", "ways", "figures",
+    }  # fmt: skip
+    [shown] = [m for m in markers if m.ns == "part"]
+    assert (shown.mesh_resource, shown.pose.position.x) == ("file:///tmp/part.stl", 0.4)
+    assert shown.scale == Vector3(x=1e-3, y=1e-3, z=1e-3)
+    [way] = [m for m in markers if m.ns == "ways"]
+    assert way.points == [Point(x=-0.1), Point(z=1.0)]
+    [text] = [m for m in markers if m.ns == "figures"]
+    assert "not tried" in text.text
+
+
+def tried(held: bool, probability: float = -1.0) -> Grasp:
+    message = grasp()
+    message.verification = GraspVerification(attempted=True, held=held, probability=probability)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("message", "color"),
+    [
+        (grasp(), NOT_TRIED),
+        (tried(False), FELL),
+        (tried(False, 0.9), FELL),  # what fell is red, whatever an estimate says
+        (tried(True), HELD),
+        (tried(True, 1.0), HELD),
+        (tried(True, 0.0), FELL),
+    ],
+)
+def test_hand_and_way_have_the_colour_of_what_physics_said(
+    message: Grasp, color: tuple[float, float, float]
+) -> None:
+    markers = GraspMarkers(HAND, urdf_text(HAND)).array([message]).markers
+    for marker in markers:
+        if marker.ns in ("hand", "way"):
+            shown = marker.color
+            assert np.allclose([shown.r, shown.g, shown.b], color)
+
+
+def test_the_likelier_it_holds_the_greener_and_the_less_red() -> None:
+    markers = GraspMarkers(HAND, urdf_text(HAND))
+    ways = markers.array([tried(True, p) for p in (0.0, 0.3, 0.5, 0.7, 1.0)]).markers
+    colors = [m.color for m in ways if m.ns in ("way", "ways")]
+    share_of_green = [c.g / (c.g + c.r) for c in colors]
+    assert share_of_green == sorted(share_of_green)
+    assert len(set(share_of_green)) == 5

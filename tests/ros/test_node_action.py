@@ -34,9 +34,11 @@ class Goal:
         self.accepted = threading.Event()
         self.handle: Any = None
         self.answer: Any = None
-        sent = actions.client.send_goal_async(
+        self._in_executor = actions.in_executor
+        sent = self._in_executor(
+            actions.client.send_goal_async,
             PlanGrasp.Goal(**values),
-            feedback_callback=lambda m: self.feedback.append((time.monotonic(), m.feedback)),
+            lambda m: self.feedback.append((time.monotonic(), m.feedback)),
         )
         sent.add_done_callback(self._on_accepted)
 
@@ -56,12 +58,13 @@ class Goal:
 
     def cancel(self) -> None:
         assert self.accepted.wait(60.0)
-        self.handle.cancel_goal_async()
+        self._in_executor(self.handle.cancel_goal_async)
 
 
 class Actions:
     def __init__(self, client: Any, tools: Any) -> None:
         self.client = ActionClient(client.node, PlanGrasp, "plan_grasp")
+        self.in_executor = client.in_executor
         self.tools = tools
         assert self.client.wait_for_server(90.0)
 
@@ -73,7 +76,7 @@ class Actions:
 def actions(node: Any, client: Any, tools: Any) -> Iterator[Actions]:
     made = Actions(client, tools)
     yield made
-    made.client.destroy()
+    client.in_executor(made.client.destroy)
 
 
 def test_a_goal_has_the_services_answer(actions: Actions, client: Any, planned: Any) -> None:

@@ -118,4 +118,4 @@ def test_no_estimate_then_good_then_bad_then_good(
         answer_to(tools.stamped(client, 0.0, frame=""), ErrorCode.EMPTY_FRAME)
         answer_to(tools.stamped(client, 0.0, xyzw=(0, 0, 0, 0)), ErrorCode.INVALID_QUATERNION)
         answer_to(tools.stamped(client, 0.0), ErrorCode.SUCCESS)
-        client.node.destroy_publisher(publisher)
+        client.in_executor(client.node.destroy_publisher, publisher)

@@ -16,7 +16,7 @@ def call(client: Any, tools: Any, kind: Any, name: str, request: Any) -> Any:
     assert service.wait_for_service(60.0)
     future = service.call_async(request)
     tools.wait(future.done, name, 120.0)
-    client.node.destroy_client(service)
+    client.in_executor(client.node.destroy_client, service)
     return future.result()
 
 
@@ -71,4 +71,4 @@ def test_a_batch_is_of_all_parts_in_view(
     assert all(part.success for part in batch.parts), batch.message
     epsilons = [part.grasps[0].epsilon for part in batch.parts]
     assert epsilons == sorted(epsilons, reverse=True)
-    client.node.destroy_publisher(publisher)
+    client.in_executor(client.node.destroy_publisher, publisher)

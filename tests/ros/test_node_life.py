@@ -158,7 +158,7 @@ class Parameters:
         if not calls[0].done():
             calls.append(service.call_async(request))
         self._tools.wait(lambda: any(call.done() for call in calls), name)
-        self._client.node.destroy_client(service)
+        self._client.in_executor(self._client.node.destroy_client, service)
         return next(call.result() for call in calls if call.done())
 
     def set(self, name: str, value: Any) -> Any:
@@ -258,5 +258,5 @@ def test_estimates_with_covariance_by_parameter(
         T_camera_object = tools.matrix(tools.pose(xyz=(0.0, 0.0, 1.0)).pose)
         T_camera_palm = tools.matrix(b.palm_pose.pose)
         np.testing.assert_allclose(T_camera_palm, T_camera_object @ T_object_palm, atol=1e-9)
-    client.node.destroy_publisher(publisher)
+    client.in_executor(client.node.destroy_publisher, publisher)
     assert node.end() == 0

@@ -53,7 +53,7 @@ def manager(client: Any, tools: Any) -> Iterator[Manager]:
     made = Manager(client, tools)
     yield made
     for service in (made._change, made._state):
-        client.node.destroy_client(service)
+        client.in_executor(client.node.destroy_client, service)
 
 
 def test_all_states_and_back(

@@ -40,7 +40,7 @@ def subscribe(client: Any) -> Iterator[Callable[..., list[Any]]]:
 
     yield start
     for subscription in made:
-        client.node.destroy_subscription(subscription)
+        client.in_executor(client.node.destroy_subscription, subscription)
 
 
 def test_a_good_answer_is_complete(planned: PlanGrasp.Response) -> None:
@@ -187,7 +187,7 @@ def test_several_parts_at_once_and_the_part_named_goes_first(
         return str(response.grasps[0].palm_pose.header.frame_id) if response.success else ""
 
     tools.wait(lambda: frame_of_mug() == "tray", "the pose of the mug from part_poses")
-    client.node.destroy_publisher(publisher)
+    client.in_executor(client.node.destroy_publisher, publisher)
 
 
 def test_while_a_plan_runs_cached_calls_are_answered_and_too_many_are_told_busy(

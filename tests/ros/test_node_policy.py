@@ -66,7 +66,7 @@ def test_the_policy_is_what_the_nodes_have(
                 request = ChangeState.Request(transition=Transition(id=transition))
                 future = change.call_async(request)
                 tools.wait(future.done, "the transition", 60.0)
-            node.destroy_client(change)
+            client.in_executor(node.destroy_client, change)
         process.wait_ready()
         for what, name in (("served", "/plan_grasps_batch"), ("published", "/diagnostics")):
             tools.wait(

@@ -276,7 +276,7 @@ def test_an_uncertain_pose_gives_hold_probabilities_in_order(
         return response.code == ErrorCode.INVALID_COVARIANCE and "-0.0001" in response.message
 
     tools.wait(refused, "INVALID_COVARIANCE")
-    client.node.destroy_publisher(publisher)
+    client.in_executor(client.node.destroy_publisher, publisher)
 
 
 def test_a_kept_plan_is_placed_while_another_is_made(

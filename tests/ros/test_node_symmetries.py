@@ -59,7 +59,7 @@ def test_equal_poses_have_the_same_grasps(node: Any, client: Any, tools: Any) ->
         assert response.success, response.message
         cached.append(response.from_cache)
         palms.append([tools.matrix(grasp.palm_pose.pose) for grasp in response.grasps])
-    client.node.destroy_publisher(publisher)
+    client.in_executor(client.node.destroy_publisher, publisher)
     assert all(cached)
     for other in palms[1:]:
         np.testing.assert_allclose(other, palms[0], atol=1e-9)

@@ -60,9 +60,9 @@ def test_the_grasp_goes_with_the_part(node: Any, client: Any, tools: Any) -> Non
         assert palms[-1].header.frame_id == "cell"
         tools.wait(lambda: joints[-1].header.stamp == palms[-1].header.stamp, "its joints")
         assert list(joints[-1].position) == posture
-    client.node.destroy_publisher(estimates)
+    client.in_executor(client.node.destroy_publisher, estimates)
     for subscription in heard:
-        client.node.destroy_subscription(subscription)
+        client.in_executor(client.node.destroy_subscription, subscription)
 
 
 def test_a_newer_goal_takes_the_place_of_the_one_at_work(
@@ -76,9 +76,9 @@ def test_a_newer_goal_takes_the_place_of_the_one_at_work(
         request = tools.request("mug", seed=seed, **fields)
         names = request.get_fields_and_field_types()
         goal = PlanGrasp.Goal(**{name: getattr(request, name) for name in names})
-        sent = action.send_goal_async(goal, feedback_callback=lambda m: told.append((seed, m)))
+        sent = client.in_executor(action.send_goal_async, goal, lambda m: told.append((seed, m)))
         tools.wait(sent.done, "acceptance", 60.0)
-        return sent.result().get_result_async()
+        return client.in_executor(sent.result().get_result_async)
 
     first = send(1, time_budget=60.0)
     tools.wait(lambda: any(seed == 1 for seed, _ in told), "feedback", 60.0)
@@ -88,4 +88,4 @@ def test_a_newer_goal_takes_the_place_of_the_one_at_work(
     assert first.result().result.message.startswith("Preempted by a newer goal")
     assert second.result().status == GoalStatus.STATUS_SUCCEEDED
     assert second.result().result.success
-    action.destroy()
+    client.in_executor(action.destroy)

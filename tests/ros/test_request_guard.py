@@ -198,6 +198,13 @@ def test_the_verification_is_the_requests_or_the_parameters() -> None:
         check_request(0, 1.0, 1, "", "maybe", SETTINGS)
 
 
+def test_the_objective_is_the_requests_in_printable_letters() -> None:
+    plain = check_request(0, 1.0, 1, "", "", SETTINGS)
+    assert (plain.objective, plain.task) == ("", "")
+    asked = check_request(0, 1.0, 1, "", "", SETTINGS, objective="task", task="turn 0 0 1\n")
+    assert (asked.objective, asked.task) == ("task", "turn 0 0 1\\n")
+
+
 def test_a_negative_seed_is_refused() -> None:
     with pytest.raises(GraspPlannerError, match="-2"):
         check_request(-2, 1.0, 1, "", "", SETTINGS)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
 
 from gpis_grasp_planner.geometry.part import Friction, Part
+from gpis_grasp_planner.geometry.uncertainty import SurfaceUncertainty
 from gpis_grasp_planner.verification.cases import cad_mass, finalist_cases, spread_points
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -115,3 +116,21 @@ def test_a_feather_is_tried_with_a_mass_that_the_settings_allow(bar: Part) -> No
     feather = replace(bar, mass=2e-4)
     assert cad_mass(feather, SETTINGS) == 1e-3
     assert finalist_cases(feather, Friction(1, 1), SETTINGS, 0)[-1].settings.mass_kg == 1e-3
+
+
+def test_draws_of_a_scanned_part_go_round_its_surfaces(bar: Part) -> None:
+    at, deviation = bar.mesh.vertices, np.zeros(len(bar.mesh.vertices))
+    settings = replace(SETTINGS, draws=5)
+    scanned = replace(bar, uncertainty=SurfaceUncertainty(at, deviation, (bar.mesh,) * 3))
+    cases = finalist_cases(scanned, Friction(1, 1), settings, 0)
+    plain = finalist_cases(bar, Friction(1, 1), settings, 0)
+    assert [case.surface for case in plain] == [None] * len(cases)
+    of_draws = [case for case in cases if case.displacement is not None]
+    assert [case.surface for case in of_draws] == [0, 1, 2, 0, 1]
+    assert [case.name.rpartition(", ")[2] for case in of_draws] == [
+        f"surface {k}" for k in (1, 2, 3, 1, 2)
+    ]
+    assert cases[0].surface is None
+    assert cases[-1].surface is None
+    for case, same in zip(cases, plain, strict=True):
+        assert case.settings == same.settings

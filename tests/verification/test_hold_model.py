@@ -94,3 +94,16 @@ def test_without_figures_features_are_finite() -> None:
     assert np.isfinite(features_of(bare)).all()
     estimate = HoldModel().estimate(bare)
     assert 0.0 < estimate.probability < 0.5
+
+
+def test_of_a_scanned_part_as_much_is_expected_as_its_surfaces_let_close() -> None:
+    model, known = HoldModel(), grasp()
+    half = replace(known, quality=replace(known.quality, measured={"surface_hold": 0.5}))
+    whole = model.estimate(known).probability
+    assert model.estimate(half).probability == pytest.approx(0.5 * whole)
+    # Half of its draws fell, as its surfaces say: of grasps on a sure surface nothing is learnt.
+    sure, unsure = HoldModel(), HoldModel()
+    sure.learn(grasp(1.0), outcomes("+" * 7))
+    unsure.learn(replace(grasp(1.0), quality=half.quality), outcomes("+" + "+" * 6 + "-" * 6))
+    other = grasp(2.0)
+    assert unsure.estimate(other).probability == pytest.approx(sure.estimate(other).probability)

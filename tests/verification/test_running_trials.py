@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from gpis_grasp_planner.geometry.distance_field import DistanceField
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.geometry.uncertainty import SurfaceUncertainty
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import HandDescription
@@ -300,3 +302,33 @@ def test_a_child_that_was_begun_covers_the_part_before_there_is_a_grasp(
     assert [working for working, _ in trials._working.values()] == [child]
     trials.finish(1, None, never)
     assert trials.with_trials(firm).trials.held
+
+
+def test_draws_on_another_surface_are_tried_on_that_surface(
+    bar: Part, hand: HandDescription, prepared: PreparedPart, firm: Grasp
+) -> None:
+    """Of two surfaces one is the part's own; on the other there is nothing to hold."""
+    away = TriangleMesh(bar.mesh.vertices + np.array([0.5, 0.0, 0.0]), bar.mesh.faces)
+    at, settings = bar.mesh.vertices, replace(SETTINGS, draws=2)
+    uncertainty = SurfaceUncertainty(at, np.zeros(len(at)), (bar.mesh, away))
+    scanned = replace(bar, uncertainty=uncertainty)
+    cases = [
+        case if case.displacement is None else replace(case, displacement=np.eye(4))
+        for case in finalist_cases(scanned, Friction(0.6, 0.6), settings, seed=0)
+    ]
+    fields = [(DistanceField.of(p.mesh), TriangleTree.of(p.mesh)) for p in scanned.drawn]
+    drawn = [
+        (part, PreparedPart.of(part, settings, *made))
+        for part, made in zip(scanned.drawn, fields, strict=True)
+    ]
+    trials = RunningTrials(scanned, hand, settings, prepared, cases, drawn)
+    try:
+        trials.offer([firm])
+        trials.finish(1, time.monotonic() + 120.0, never)
+        made = trials.with_trials(firm).trials
+    finally:
+        trials.close()
+    assert made is not None
+    assert made.outcomes[0].passed
+    assert [o.passed for o in made.outcomes if "surface 1" in o.name] == [True]
+    assert [o.cause for o in made.outcomes if "surface 2" in o.name] == ["too few touch"]

@@ -9,6 +9,7 @@ NAME = "gpis_grasp_planner"
 HAND_FILES = sorted(
     p for p in Path(NAME, "hand/models").rglob("*") if p.suffix in {".urdf", ".stl"}
 )
+SHARED = ("config", "foxglove", "launch", "policies", "rviz")
 # The one place of the version; tests/test_version.py compares the files that cannot read it.
 [VERSION] = re.findall(r'^__version__ = "(.+)"$', Path(NAME, "__init__.py").read_text(), re.M)
 
@@ -27,7 +28,11 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/policies", ["policies/grasp_planner.policy.xml"]),
+        # For those who want them; nothing needs them.
+        *(
+            (f"share/{NAME}/{folder}", [str(p) for p in sorted(Path(folder).iterdir())])
+            for folder in SHARED
+        ),
         # For other machines' package://gpis_grasp_planner/hand/models/<hand>/meshes/...
         *((f"share/{p.parent}", [str(p)]) for p in HAND_FILES),
     ],
@@ -48,10 +53,11 @@ setup(
     extras_require={
         "step": ["cascadio"],  # STEP files
         "cloud": ["open3d"],  # point clouds in place of a mesh
-        "pictures": ["matplotlib", "open3d", "pillow"],  # --picture, reports
+        "pictures": ["matplotlib", "pillow"],  # --picture, reports
         "mujoco": ["mujoco"],  # verification.engine
         "arm": ["coal", "eaik"],  # arm.model
         "view": ["viser"],  # gpis-grasp view
+        "cluster": ["distributed"],  # plan-all --scheduler
     },
     entry_points={
         "console_scripts": [

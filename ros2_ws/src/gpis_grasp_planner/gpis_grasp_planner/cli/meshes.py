@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gpis_grasp_planner.cli import options, tables
 from gpis_grasp_planner.cli.exit_codes import ERROR, SUCCESS
+from gpis_grasp_planner.cli.status_line import StatusLine
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.part import Part
@@ -36,18 +37,21 @@ def run(arguments: argparse.Namespace) -> int:
     facts: list[dict[str, object]] = []
     notes: list[str] = []
     bad = False
-    for mesh_id in catalogue.ids():
-        try:
-            part = catalogue.load(mesh_id)
-        except GraspPlannerError as error:
-            bad = True
-            rows.append((mesh_id, "", "", "", "", error.code.name))
-            notes.append(f"{mesh_id}: {error.code.name}: {error}")
-            facts.append({"id": mesh_id, "error": error.code.name, "message": str(error)})
-            continue
-        rows.append(_row(part))
-        notes += [f"{mesh_id}: {note}" for note in part.notes]
-        facts.append(_facts(part))
+    ids = catalogue.ids()
+    with StatusLine("reading") as status:  # a point cloud takes seconds
+        for number, mesh_id in enumerate(ids, 1):
+            status.enter(f"reading {mesh_id} ({number} of {len(ids)})")
+            try:
+                part = catalogue.load(mesh_id)
+            except GraspPlannerError as error:
+                bad = True
+                rows.append((mesh_id, "", "", "", "", error.code.name))
+                notes.append(f"{mesh_id}: {error.code.name}: {error}")
+                facts.append({"id": mesh_id, "error": error.code.name, "message": str(error)})
+                continue
+            rows.append(_row(part))
+            notes += [f"{mesh_id}: {note}" for note in part.notes]
+            facts.append(_facts(part))
     refused = catalogue.refused()
     notes += [f"{ascii(name)[1:-1]} cannot be asked for: {reason}." for name, reason in refused]
     if arguments.json:
@@ -76,11 +80,16 @@ def _row(part: Part) -> tuple[str, ...]:
     return (
         part.mesh_id,
         " x ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent),
-        f"{part.mass:.3f}",
+        f"{part.mass:.3g}",
         "default" if mu is None else f"{mu.finger:g} / {mu.palm:g}",
         str(len(part.mesh.faces)),
-        "noted" if part.notes else "",
+        _remark(part),
     )
+
+
+def _remark(part: Part) -> str:
+    noted = "noted" if part.notes else ""
+    return noted if part.uncertainty is None else f"cloud, {noted}"
 
 
 def _facts(part: Part) -> dict[str, object]:
@@ -93,5 +102,8 @@ def _facts(part: Part) -> dict[str, object]:
         "friction": None if mu is None else {"finger": mu.finger, "palm": mu.palm},
         "n_faces": len(part.mesh.faces),
         "mesh_hash": part.mesh.content_hash,
+        "surface_deviation_m": None
+        if part.uncertainty is None
+        else float(part.uncertainty.deviation.mean()),
         "notes": list(part.notes),
     }

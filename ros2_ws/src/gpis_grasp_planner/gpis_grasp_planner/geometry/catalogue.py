@@ -38,7 +38,7 @@ from gpis_grasp_planner.geometry.mesh_file import (
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.sidecar import MAX_SIDECAR_BYTES, Sidecar, parse_sidecar
 from gpis_grasp_planner.geometry.symmetry import SymmetryGroup
-from gpis_grasp_planner.geometry.units import unit_advice
+from gpis_grasp_planner.geometry.units import UNITS, unit_advice
 
 __all__ = [
     "ID_PATTERN",
@@ -141,6 +141,24 @@ class MeshCatalogue:
         directory, path = self._find(mesh_id)
         _check_inside(path, directory, mesh_id)
         return _read_sidecar(path, mesh_id, directory)
+
+    def plain_file(self, mesh_id: str) -> tuple[Path, float] | None:
+        """The file of an ID with its metres per unit; None where others cannot show it as it is.
+
+        They can show STL and OBJ files of one body.
+
+        Raises
+        ------
+        RequestError, MeshError
+            As :meth:`sidecar`.
+        """
+        directory, path = self._find(mesh_id)
+        _check_inside(path, directory, mesh_id)
+        sidecar = _read_sidecar(path, mesh_id, directory)
+        if path.suffix.lower() not in {".stl", ".obj"} or sidecar.body is not None:
+            return None
+        unit = UNITS[sidecar.unit or self.settings.default_unit]
+        return path, unit * (sidecar.scale or 1.0)
 
     def _find(self, mesh_id: str) -> tuple[Path, Path]:
         for directory in self._directories:
@@ -278,6 +296,7 @@ def _part(
     if sidecar.symmetry is not None:
         _check_symmetry(mesh_id, mesh, sidecar.symmetry)
     mass = sidecar.mass
+    assumed = mass is None and sidecar.density is None
     if mass is None:
         density = sidecar.density
         if density is None:
@@ -297,6 +316,7 @@ def _part(
         friction=sidecar.friction,
         notes=(*report.notes, *notes),
         simplified=simplified,
+        mass_assumed=assumed,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,8 @@ class Part:
     simplified : TriangleMesh or None
         Of a large mesh, one of fewer triangles for surface, distance field, PyBullet and convex
         pieces; a note says how far it is from the mesh. Contacts are decided on the mesh.
+    mass_assumed : bool
+        Whether the mass is by a density that nobody stated.
     uncertainty : SurfaceUncertainty or None
         Of a mesh that was reconstructed from a point cloud; None for a mesh file.
     """
@@ -53,7 +55,16 @@ class Part:
     friction: Friction | None = None
     notes: tuple[str, ...] = field(default=())
     simplified: TriangleMesh | None = None
+    mass_assumed: bool = False
     uncertainty: SurfaceUncertainty | None = None
+
+    @property
+    def drawn(self) -> tuple[Part, ...]:
+        """The part with each of the surfaces that it may have; none of a mesh file."""
+        surfaces = () if self.uncertainty is None else self.uncertainty.draws
+        return tuple(
+            replace(self, mesh=surface, simplified=None, uncertainty=None) for surface in surfaces
+        )
 
     @property
     def working_mesh(self) -> TriangleMesh:

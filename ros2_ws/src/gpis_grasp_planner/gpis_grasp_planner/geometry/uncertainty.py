@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -36,6 +37,16 @@ class SurfaceUncertainty:
         """Standard deviation (m,) [m] at the surface points nearest to points (m, 3)."""
         _, nearest = self._tree.query(points)
         return self.deviation[nearest]
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 (hex) of all of it."""
+        digest = hashlib.sha256()
+        for array in (self.points, self.deviation):
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        for surface in self.draws:
+            digest.update(surface.content_hash.encode())
+        return digest.hexdigest()
 
     @cached_property
     def _tree(self) -> Any:

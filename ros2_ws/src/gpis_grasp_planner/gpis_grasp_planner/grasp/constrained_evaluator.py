@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import fields, replace
 from typing import Any
 
@@ -17,8 +16,9 @@ from gpis_grasp_planner.grasp.evaluator import (
     PostureEvaluator,
     Postures,
 )
-from gpis_grasp_planner.grasp.funnel import Step, Tally
+from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.open_hand import open_postures
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, touch_motors
 from gpis_grasp_planner.hand.preshape import spread_of
@@ -49,7 +49,7 @@ class ConstrainedEvaluator:
     Attributes
     ----------
     tally : Tally
-        What was proposed so far, and what was lost up to the surroundings (`grasp.funnel`).
+        What was proposed so far, and what was lost up to the surroundings (`grasp.tally`).
 
     Notes
     -----
@@ -123,7 +123,7 @@ class ConstrainedEvaluator:
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until the part leaves them free; see the protocol."""
         T, free = self._evaluator.clear_palm(T_object_palm, normals_outward, spread, standoff)
-        self.tally.reject(free)
+        self.tally.reject(T_object_palm, free)
         return T, free
 
     def approach(
@@ -143,13 +143,13 @@ class ConstrainedEvaluator:
         free = np.ones(len(T), dtype=np.bool_)
         for constraint in self.constraints:
             allows = constraint.allows_palm if palm else constraint.allows
-            before = int(free.sum())
-            if not before:
+            before = free.copy()
+            if not before.any():
                 break
             free[free] = allows(T[free], joints[free])
-            if lost := before - int(free.sum()):
-                self._n_screened += lost
-                self.tally.lose(Step.PALM_FREE, constraint.name, lost)
+            lost = before & ~free
+            self._n_screened += int(lost.sum())
+            self.tally.lose_at(Step.PALM_FREE, constraint.name, T[lost])
         return free
 
     def _narrowed(
@@ -204,8 +204,8 @@ class ConstrainedEvaluator:
 
     def _marked(self, attempts: Attempts, found: Verdict) -> Attempts:
         bad = found.blocked
-        for cause, n in Counter(found.cause[bad]).items():
-            self.tally.lose(Step.CLEAR, cause, n)
+        for cause in dict.fromkeys(found.cause[bad]):
+            self.tally.lose_at(Step.CLEAR, cause, attempts.T_object_palm[found.cause == cause])
         return self._counted(
             replace(
                 attempts,

@@ -6,7 +6,13 @@ force inside their friction cones has a positive part along d: no such forces ad
 and no grasp whose contacts lie in that ball has force closure. Where this is so of every ball, the
 part has none. Contacts on an edge have normals between those of its faces, for which it holds too.
 
-The bound is one-sided: where it says nothing, the part may or may not be graspable.
+A part on a plane has less to offer. A hand point that touches keeps a margin m from the plane, and
+is off the surface along its outward normal n by a gap g at most: what is touched at height z has
+z + g n_z >= m. Where z is less than m - g sin(friction angle), n_z is more than the sine, and all
+forces in the friction cone point down. So with d down the rule needs to be looked at for the faces
+at higher corners alone.
+
+The bounds are one-sided: where they say nothing, the part may or may not be graspable.
 """
 
 from __future__ import annotations
@@ -62,6 +68,37 @@ def has_no_force_closure(
     if np.linalg.norm(high - low) <= 2.0 * radius and not _one_sided(normals, friction):
         return False  # all of it in one ball: the usual part
     return _everywhere_one_sided(points, owner, normals, radius, step, friction, late)
+
+
+def is_only_pressed_down(
+    mesh: TriangleMesh,
+    up: Array,
+    heights: Array,
+    friction: float,
+    margin: float,
+    gap: float,
+) -> bool:
+    """Whether a hand that keeps a margin from a plane can only press the part down on it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Closed: what is touched is touched from outside.
+    up : (3,) array
+        Away from the plane.
+    heights : (v,) array [m]
+        Of the vertices over the plane.
+    friction : float
+        The largest of the pairs of hand and part.
+    margin : float [m]
+    gap : float [m]
+        Largest distance at which a hand point counts as touching.
+    """
+    least = math.sin(math.atan(friction))
+    high = heights >= margin - gap * least
+    normals = mesh.face_normals_outward[high[mesh.faces].any(axis=1)]
+    normals = normals[np.linalg.norm(normals, axis=1) > 0.5]  # faces without area have none
+    return bool((normals @ up > least + 1e-9).all())
 
 
 def is_one_sided(mesh: TriangleMesh, faces: NDArray[np.intp], friction: float) -> bool:

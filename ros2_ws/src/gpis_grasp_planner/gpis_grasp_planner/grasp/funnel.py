@@ -7,15 +7,9 @@ and no step can have more than the one before.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-
-import numpy as np
-from numpy.typing import NDArray
-
-from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
 
 
 class Step(StrEnum):
@@ -165,57 +159,3 @@ class Funnel:
         if worst is None:
             return None
         return worst[1], next(iter(self.causes(worst[1])))
-
-
-class Tally:
-    """Counts proposals and losses where they happen.
-
-    Attributes
-    ----------
-    proposed : int
-    lost : Counter of (Step, cause)
-    """
-
-    def __init__(self) -> None:
-        self.proposed = 0
-        self.lost: Counter[tuple[Step, str]] = Counter()
-
-    def lose(self, step: Step, cause: str, n: int = 1) -> None:
-        """Count what was lost; 0 leaves no trace."""
-        if n:
-            self.lost[step, str(cause)] += n
-
-    def propose(self, attempts: Attempts) -> None:
-        """Count hands that were closed, or that nobody let close, and what they came to.
-
-        Those whose status is `BLOCKED` are proposals here; whoever blocked them counts the loss.
-        """
-        self.proposed += len(attempts)
-        status = attempts.status
-        self.lose(Step.PALM_FREE, Loss.PALM, _count(status == AttemptStatus.PALM_COLLISION))
-        self.lose(Step.CLOSED, Loss.ITSELF, _count(status == AttemptStatus.SELF_COLLISION))
-        few = status == AttemptStatus.TOO_FEW_CONTACTS
-        none = few & (attempts.n_contacts == 0)
-        self.lose(Step.ENOUGH_CONTACTS, Loss.NOTHING, _count(none))
-        self.lose(Step.ENOUGH_CONTACTS, Loss.ONE, _count(few & ~none))
-        slack = (status == AttemptStatus.GRASPED) & (attempts.epsilon <= 0.0)
-        self.lose(Step.FORCE_CLOSURE, Loss.SLACK, _count(slack))
-        self.lose(Step.CLEAR, Loss.WAY_BACK, _count(status == AttemptStatus.NO_WAY_BACK))
-
-    def reject(self, free: NDArray[np.bool_]) -> None:
-        """Count palms for which no free place was found; the free ones count once they close."""
-        n = _count(~free)
-        self.proposed += n
-        self.lose(Step.PALM_FREE, Loss.DEEP, n)
-
-    def take_over(self, n: int) -> None:
-        """Count grasps of an earlier answer: they were proposed, and passed up to `DISTINCT`."""
-        self.proposed += n
-
-    def funnel(self, last: Step) -> Funnel:
-        """What was counted so far."""
-        return Funnel(self.proposed, dict(self.lost), last)
-
-
-def _count(mask: NDArray[np.bool_]) -> int:
-    return int(np.count_nonzero(mask))

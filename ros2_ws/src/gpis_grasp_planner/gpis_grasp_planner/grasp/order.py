@@ -67,16 +67,14 @@ def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
     Grasps that physics held come before untried ones, and those before grasps that failed. Within
     each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
     while it closes counts as less likely, and differences that a dozen trials cannot show are
-    none. Of a part that was scanned the probability counts times `surface_hold`. Then the likelier
-    to hold under the pose's covariance by the contact model, then what the objective makes of
-    it.
+    none. Then the likelier to hold under the pose's covariance by the contact model, of a part
+    that was scanned on more of the surfaces drawn for it, then what the objective makes of it.
     """
     tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
     probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability
     if tried > 0 and grasp.trials is not None and not grasp.trials.gentle:
         probability *= _PUSHED
     surface = grasp.quality.measured.get(SURFACE_HOLD.name, 1.0)
-    probability *= surface
     return (
         -float(tried),
         -float(round(probability / _RESOLUTION)),

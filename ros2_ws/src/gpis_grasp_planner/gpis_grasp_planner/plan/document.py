@@ -132,6 +132,10 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
             for step, left, causes in result.funnel.table
             if result.funnel.proposed
         ],
+        "lost_palms": [
+            {"step": str(step), "cause": cause, "positions": [_numbers(p.round(5)) for p in rows]}
+            for (step, cause), rows in result.lost_palms.positions.items()
+        ],
         "notes": list(result.notes),
         "place": result.place,
         "grasps": [_grasp(g, result.joint_names, result.link_names) for g in result.grasps],

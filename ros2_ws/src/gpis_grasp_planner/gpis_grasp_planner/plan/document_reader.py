@@ -20,8 +20,9 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.geometry.units import UNITS, known_units
 from gpis_grasp_planner.grasp.arm_motion import ArmMotion
-from gpis_grasp_planner.grasp.funnel import Funnel
+from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
 from gpis_grasp_planner.plan.json_node import Node
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
@@ -42,11 +43,13 @@ _FIELDS = frozenset(
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
         "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
         "best_attempt", "approach", "forbidden", "phase_s", "funnel", "objective", "figures",
+        "lost_palms",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
 # What earlier programs did not write.
 _LATER: dict[str, Any] = {
     "approach": None, "forbidden": [], "phase_s": {}, "funnel": [], "objective": "",
+    "lost_palms": [],
     "figures": [asdict(figure) for figure in ALWAYS],
 }  # fmt: skip
 _LATER_OF_GRASPS: dict[str, Any] = {
@@ -170,6 +173,7 @@ def result_from_dict(
         place=root["place"].optional(_place),
         phase_s={phase: spent.number(low=0.0) for phase, spent in _named(root["phase_s"]).items()},
         funnel=_funnel(root["funnel"]),
+        lost_palms=_lost_palms(root["lost_palms"]),
         objective=root["objective"].text(),
         figures=figures,
     )
@@ -267,6 +271,18 @@ def _funnel(node: Node) -> Funnel:
         )
     except ValueError as error:
         raise node.fail(f"the table of a funnel ({error})") from None
+
+
+def _lost_palms(node: Node) -> LostPalms:
+    positions = {}
+    for entry in node.list():
+        row = entry.object(frozenset({"step", "cause", "positions"}))
+        step, cause = row["step"].text(), row["cause"].text()
+        if step not in set(Step) or (Step(step), cause) in positions:
+            raise row["step"].fail(f"one of {', '.join(Step)}, each cause of a step once")
+        rows = [point.vector(3) for point in row["positions"].list()]
+        positions[Step(step), cause] = np.array(rows).reshape(-1, 3)
+    return LostPalms(positions)
 
 
 def _figure(node: Node) -> Figure:

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gpis_grasp_planner.grasp.funnel import Funnel, Loss, Step, Tally
+from gpis_grasp_planner.grasp.funnel import Funnel, Loss, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.search.archive import Candidate
 from gpis_grasp_planner.search.context import PlanningContext
@@ -185,8 +186,7 @@ class Finisher:
             What is left of :meth:`finished` by the distance rule, with the trials that were made;
             None where none were asked for.
         """
-        so_far = Tally()
-        so_far.proposed, so_far.lost = self.tally.proposed, self.tally.lost.copy()
+        so_far = self.tally.copy()
         clear = self.tally.funnel(Step.CONFIRMED).left(Step.CLEAR)
         n_looked_at = len(self._known)
         n_distinct = max(n_looked_at, len(self.context.archive.best(clear)))
@@ -217,7 +217,7 @@ class Finisher:
             return
         self.n_seen += 1
         if not self.confirmed(placed.grasp):
-            self.tally.lose(Step.CONFIRMED, Loss.SCENE)
+            self.tally.lose_at(Step.CONFIRMED, Loss.SCENE, placed.grasp.T_object_palm[None])
             self._known[key] = None
 
     def _learn(self, spent_s: float) -> None:
@@ -227,11 +227,11 @@ class Finisher:
     def _placed(self, candidate: Candidate) -> FinishedGrasp | None:
         grasp = grasp_of(candidate, self.context)
         if not grasp.feasible:
-            self.tally.lose(Step.CONFIRMED, Loss.INEXACT)
+            self.tally.lose_at(Step.CONFIRMED, Loss.INEXACT, grasp.T_object_palm[None])
             return None
         [grasp], [clearance] = self.placing.clear([grasp])
         if not clearance.clear:
-            self.tally.lose(Step.CONFIRMED, Loss.MARGIN)
+            self.tally.lose_at(Step.CONFIRMED, Loss.MARGIN, grasp.T_object_palm[None])
             return None
         [grasp], [clearance] = self.placing.finished([grasp], [clearance])
         return FinishedGrasp(self.judge(grasp), clearance)

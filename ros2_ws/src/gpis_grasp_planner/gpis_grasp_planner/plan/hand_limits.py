@@ -1,11 +1,13 @@
 """What the hand cannot do, told at once by a bound instead of after a search that finds nothing.
 
-The bound is one-sided (`grasp.force_closure_bound`): what it refuses has no grasp; what
-has none need not be refused.
+The bounds are one-sided (`grasp.force_closure_bound`): what they refuse has no grasp; what
+has none need not be refused. A part whose mass is known and more than the payload is refused for
+that alone.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +15,11 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.grasp.force_closure_bound import has_no_force_closure, is_one_sided
+from gpis_grasp_planner.grasp.force_closure_bound import (
+    has_no_force_closure,
+    is_one_sided,
+    is_only_pressed_down,
+)
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.reach import open_span, reach_radius
 from gpis_grasp_planner.plan.progress import Monitor
@@ -57,6 +63,8 @@ def limit_of(
     Some milliseconds for parts of the hand's size, up to 1.5 s for larger ones; the hand's reach
     takes 0.4 s the first time that it is asked for.
     """
+    if (heavy := _over_payload(part, settings)) is not None:
+        return heavy
     faces, lowest = _reachable(part, place, settings)
     support = place.around().support
     if not len(faces):
@@ -70,6 +78,8 @@ def limit_of(
             "its edge stand over, or give a smaller margin.",
         )
     mu = max(friction.finger, friction.palm)
+    if support is not None and (low := _too_low(part, place, mu, settings)) is not None:
+        return low
     corners = part.mesh.triangles[faces].reshape(-1, 3)
     extent = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
     if extent <= open_span(hand) and not is_one_sided(part.mesh, faces, mu):
@@ -99,6 +109,38 @@ def limit_of(
     return HandLimit(
         ErrorCode.NO_FEASIBLE_GRASP,
         f"{what}. Check the mesh's unit and the friction, or use a hand that spans the part.",
+    )
+
+
+def _over_payload(part: Part, settings: PlannerSettings) -> HandLimit | None:
+    """A mass that was only assumed refuses nothing: the answer has a note instead."""
+    payload = settings.verification.payload_kg
+    if part.mass_assumed or part.mass <= payload:
+        return None
+    return HandLimit(
+        ErrorCode.NO_FEASIBLE_GRASP,
+        f"'{part.mesh_id}' weighs {part.mass:.3g} kg, more than the hand carries ({payload:g} kg, "
+        "verification.payload_kg). Correct its mass or density if it is lighter, or use a "
+        "stronger hand and raise the limit.",
+    )
+
+
+def _too_low(part: Part, place: Place, mu: float, settings: PlannerSettings) -> HandLimit | None:
+    """Whether all that the hand can touch over the support faces upwards, as of a thin pin."""
+    support = place.around().support
+    if support is None or not part.watertight:
+        return None
+    heights, margin = _heights(part, place), settings.clearance.margin_m
+    gap = settings.scene.contact_threshold_m
+    if not is_only_pressed_down(part.mesh, support.normal, heights, mu, margin, gap):
+        return None
+    return HandLimit(
+        ErrorCode.ALL_GRASPS_BLOCKED,
+        f"'{part.mesh_id}' lies too low: it rises {1e3 * heights.max():.1f} mm above "
+        f"'{support.name}', and what of it a hand can touch that keeps {1e3 * margin:.1f} mm "
+        f"(clearance.margin_m) faces upwards by more than the friction angle of "
+        f"{math.degrees(math.atan(mu)):.0f} degrees: it could only be pressed down. Raise the "
+        "part, let it stand over an edge, or give a smaller margin.",
     )
 
 

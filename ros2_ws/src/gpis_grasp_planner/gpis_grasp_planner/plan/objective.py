@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.plan.request import PlanResult
+from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.quality.measure import Measure
 from gpis_grasp_planner.quality.measures import make_measure
@@ -15,6 +17,17 @@ from gpis_grasp_planner.search.settings import HppSettings
 from gpis_grasp_planner.surroundings.uncertainty_settings import UncertaintySettings
 
 PAPER = "paper"
+TASK = "task"
+
+
+def settings_for(request: PlanRequest, settings: PlannerSettings) -> PlannerSettings:
+    """The settings with the objective that a request asks for; themselves where it asks none."""
+    if not (request.objective or request.task):
+        return settings
+    own = settings.objective
+    name = request.objective or TASK
+    asked = replace(own, name=name, task=request.task or own.task)
+    return replace(settings, objective=asked)
 
 
 def make_objective(settings: PlannerSettings, part: Part | None = None) -> Objective:

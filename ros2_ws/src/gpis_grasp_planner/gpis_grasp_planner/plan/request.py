@@ -14,6 +14,7 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import FRICTION_RANGE, Friction
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 from gpis_grasp_planner.quality.figures import ALWAYS, Figure
@@ -50,6 +51,9 @@ class PlanRequest:
         Boxes in the part's frame that the hand must not touch.
     verification : str
         One of ``VERIFICATIONS``: whether finalists are tried in physics, within the budget.
+    objective, task : str
+        What a good grasp is, in place of the settings' `objective.name` and `objective.task`;
+        empty: as those say. A task alone implies the objective ``task``.
     """
 
     planner: str = "dual"
@@ -59,8 +63,15 @@ class PlanRequest:
     friction: Friction | None = None
     max_evaluations: int | None = None
     verification: str = "none"
+    objective: str = ""
+    task: str = ""
     approach: ApproachCone | None = None
     forbidden: tuple[ForbiddenRegion, ...] = ()
+
+    @property
+    def depends_on_pose(self) -> bool:
+        """Whether a plan in free space is another one for another pose of the part."""
+        return self.approach is not None and self.approach.frame == "world"
 
     def __post_init__(self) -> None:
         low, high = TIME_BUDGET_RANGE_S
@@ -149,6 +160,8 @@ class PlanResult:
         How long each phase of the request took (`plan.progress.Phase`).
     funnel : Funnel
         Where grasps were lost on the way to this answer.
+    lost_palms : LostPalms
+        Some of their places in space, by cause.
     reserve : Reserve
         Further grasps, for surroundings in which those of the answer are blocked.
     """
@@ -178,6 +191,7 @@ class PlanResult:
     reserve: Reserve = field(default_factory=Reserve)
     phase_s: Mapping[str, float] = field(default_factory=dict)
     funnel: Funnel = field(default_factory=Funnel)
+    lost_palms: LostPalms = field(default_factory=LostPalms)
     objective: str = ""
     figures: tuple[Figure, ...] = ALWAYS
 

@@ -6,6 +6,7 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
@@ -31,6 +32,7 @@ def make_result(
     reserve: Reserve,
     convergence: tuple[tuple[float, int, float], ...],
     funnel: Funnel,
+    lost_palms: LostPalms,
 ) -> PlanResult:
     """Put together what was asked, with what it was planned, and what came of it.
 
@@ -61,9 +63,10 @@ def make_result(
         evaluations=context.evaluator.n_attempts,
         notes=part.notes + notes,
         convergence=convergence,
-        place=place.as_mapping() if place else None,
+        place=place.as_mapping_if_stated(),
         reserve=reserve,
         funnel=funnel,
+        lost_palms=lost_palms,
         objective=context.objective.text,
         figures=tuple(named([*ALWAYS, *measured, *of_surface]).values()),
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},

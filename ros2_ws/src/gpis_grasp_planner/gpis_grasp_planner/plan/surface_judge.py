@@ -39,16 +39,10 @@ class SurfaceJudge:
         request: PlanRequest,
     ):
         self._hand, self._settings = hand, settings.uncertainty
-        surfaces = () if part.uncertainty is None else part.uncertainty.draws
+        friction = request.friction_for(part.friction)
         self._evaluators = [
-            CompiledEvaluator(
-                hand,
-                replace(part, mesh=surface, simplified=None, uncertainty=None),
-                request.friction_for(part.friction),
-                settings.scene,
-                *made,
-            )
-            for surface, made in zip(surfaces, prepared.draws, strict=True)
+            CompiledEvaluator(hand, drawn, friction, settings.scene, *made)
+            for drawn, made in zip(part.drawn, prepared.draws, strict=True)
         ]
 
     def judged(self, grasp: Grasp) -> Grasp:

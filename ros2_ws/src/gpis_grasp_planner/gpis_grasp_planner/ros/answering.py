@@ -21,6 +21,7 @@ from gpis_grasp_planner.ros.conversions import (
     funnel_messages,
     grasp_message,
     grasp_messages,
+    pose_message,
 )
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
 from gpis_grasp_planner.ros.plan_source import PlanSource
@@ -129,6 +130,8 @@ class GraspAnswering:
             request.planner,
             request.verification,
             self._settings(),
+            objective=request.objective,
+            task=request.task,
         )
         self._plans.check_mesh_id(request.mesh_id)
         given = self._poses.from_request(request.object_pose)
@@ -150,7 +153,7 @@ class GraspAnswering:
             pose, planned_for = self._newer(request.mesh_id, pose), pose
             if pose is not planned_for:
                 place = self._scenes.place(request, pose)
-            if place and pose is not planned_for:
+            if pose is not planned_for and self._plans.depends(plan_request, place):
                 delivered = self._plans.place(delivered, place, plan_request, call)
             if pose is not planned_for:
                 shown = self._in_frame(pose, request.target_frame)
@@ -160,6 +163,7 @@ class GraspAnswering:
         if plan.code == ErrorCode.CANCELLED and call.cancelled:
             response.message = f"{call.why_cancelled} {plan.message}"
         response.evaluations = plan.evaluations
+        response.objective = plan.objective
         response.funnel = funnel_messages(plan.funnel)
         response.from_cache = delivered.from_cache
         response.notes = [*plan.notes, *pose.notes]
@@ -172,7 +176,7 @@ class GraspAnswering:
             response.best_attempt = [attempt]
         response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
         if response.success:
-            self._publishers.publish(response.grasps)
+            self._publishers.publish(response.grasps, pose_message(shown.T_world_object))
             self.last_answered = request
 
     def _in_frame(self, pose: ObjectPose, frame_id: str) -> ObjectPose:

@@ -18,13 +18,14 @@ from std_msgs.msg import Header
 
 from gpis_grasp_msgs.action import PlanGrasp
 from gpis_grasp_msgs.msg import Contact as ContactMessage
-from gpis_grasp_msgs.msg import FunnelStep, GraspVerification
+from gpis_grasp_msgs.msg import FunnelStep, GraspVerification, QualityFigure
 from gpis_grasp_msgs.msg import Grasp as GraspMessage
 from gpis_grasp_planner.geometry.transforms import apply, to_position_quat_xyzw
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import HoldEstimate, Trials
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.quality.figures import ALWAYS, Figure, Quality, named
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose
 from gpis_grasp_planner.ros.worker.messages import Plan
@@ -106,12 +107,28 @@ def verification_message(
     )
 
 
+def figure_messages(quality: Quality, meanings: Sequence[Figure]) -> list[QualityFigure]:
+    """All figures of a quality that have a meaning among these, in the quality's order."""
+    meaning = named(meanings)
+    return [
+        QualityFigure(
+            name=name,
+            value=float(value),
+            unit=meaning[name].unit,
+            larger_is_better=meaning[name].larger_is_better,
+        )
+        for name, value in quality.figures.items()
+        if name in meaning
+    ]
+
+
 @dataclass(frozen=True)
 class MeshVersion:
     """Which mesh a grasp is of; the hash is "" where it is not known yet."""
 
     mesh_id: str
     mesh_hash: str = ""
+    figures: tuple[Figure, ...] = ALWAYS
 
 
 def grasp_message(
@@ -183,6 +200,7 @@ def _grasp_message(
         hold_probability=-1.0 if grasp.hold_probability is None else float(grasp.hold_probability),
         epsilon=float(grasp.epsilon),
         volume=float(grasp.volume),
+        figures=figure_messages(grasp.quality, plan.figures),
         verification=verification_message(grasp.trials, grasp.hold_estimate),
         **_arm_fields(header, grasp),
         contacts=[

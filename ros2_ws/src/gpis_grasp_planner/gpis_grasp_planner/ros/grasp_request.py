@@ -19,6 +19,8 @@ class GraspRequest(Protocol):
     n_grasps: int
     planner: str
     verification: str
+    objective: str
+    task: str
     support_plane: PoseStamped
     obstacles: list[Obstacle]
     target_frame: str

@@ -1,12 +1,18 @@
-"""A grasp for RViz: the hand's meshes, the contacts and their normals."""
+"""An answer for RViz: part, hand, contacts with normals, and the ways of the other grasps.
+
+Each kind has a namespace, which RViz shows or hides by itself. Colours of hand, ways and text are
+those of `ros.quality_color`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from geometry_msgs.msg import Point, Vector3
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, Pose, Vector3
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
@@ -20,12 +26,37 @@ from gpis_grasp_planner.geometry.transforms import (
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.ros.conversions import pose_messages
+from gpis_grasp_planner.ros.quality_color import quality_color, quality_text
 
-HAND_COLOR = ColorRGBA(r=0.45, g=0.47, b=0.50, a=0.9)
+PART_COLOR = ColorRGBA(r=0.93, g=0.62, b=0.22, a=0.8)
+TEXT_COLOR = ColorRGBA(r=0.9, g=0.9, b=0.9, a=1.0)
 CONTACT_COLOR = ColorRGBA(r=0.86, g=0.05, b=0.07, a=1.0)
 NORMAL_COLOR = ColorRGBA(r=0.10, g=0.55, b=0.95, a=1.0)
 CONTACT_DIAMETER_M = 0.006
 NORMAL_LENGTH_M = 0.03
+TEXT_HEIGHT_M = 0.02
+TEXT_ABOVE_M = 0.12  # the palm
+_HAND_ALPHA, _WAY_ALPHA = 0.9, 0.6
+_NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPart:
+    """The part of an answer.
+
+    Attributes
+    ----------
+    pose : Pose
+        In the frame of the grasps.
+    uri : str
+        Of a mesh file that viewers read; "" where there is none.
+    scale : float
+        Metres per unit of that file.
+    """
+
+    pose: Pose
+    uri: str = ""
+    scale: float = 1.0
 
 
 class GraspMarkers:
@@ -42,36 +73,69 @@ class GraspMarkers:
         self._hand = hand
         self._shapes = _visual_shapes(urdf)
 
-    def array(self, grasp: Grasp) -> MarkerArray:
-        """Markers of the closed hand, contacts (spheres) and inward normals (arrows).
+    def array(
+        self, grasps: Sequence[Grasp], part: ShownPart | None = None, lifetime_s: float = 0.0
+    ) -> MarkerArray:
+        """Markers of the first grasp, with the ways to the others; the first one deletes the rest.
 
-        The first marker deletes those of the grasp shown before.
+        Parameters
+        ----------
+        grasps : sequence of Grasp
+            Messages of one answer, best first.
+        part : ShownPart, optional
+        lifetime_s : float [s]
+            After which viewers take them away; 0: never.
         """
-        markers = [Marker(header=grasp.palm_pose.header, action=Marker.DELETEALL)]
-        markers += self._hand_markers(grasp)
-        header = grasp.palm_pose.header
-        for index, contact in enumerate(grasp.contacts):
-            sphere = Marker(header=header, ns="contacts", id=index, type=Marker.SPHERE)
+        best = grasps[0]
+        markers = [self._part_marker(part)] if part is not None and part.uri else []
+        markers += self._hand_markers(best)
+        for index, contact in enumerate(best.contacts):
+            sphere = Marker(ns="contacts", id=index, type=Marker.SPHERE)
             sphere.pose.position = contact.position
             sphere.scale = Vector3(x=CONTACT_DIAMETER_M, y=CONTACT_DIAMETER_M, z=CONTACT_DIAMETER_M)
             sphere.color = CONTACT_COLOR
-            arrow = Marker(header=header, ns="normals_inward", id=index, type=Marker.ARROW)
             p, n = contact.position, contact.normal_inward
             tail = Point(
                 x=p.x - NORMAL_LENGTH_M * n.x,
                 y=p.y - NORMAL_LENGTH_M * n.y,
                 z=p.z - NORMAL_LENGTH_M * n.z,
             )
-            arrow.points = [tail, p]
-            arrow.scale = Vector3(x=0.003, y=0.006, z=0.008)
-            arrow.color = NORMAL_COLOR
+            arrow = _arrow("normals_inward", index, tail, p, NORMAL_COLOR)
             markers += [sphere, arrow]
-        return MarkerArray(markers=markers)
+        markers += [
+            _arrow(
+                "ways" if index else "way",
+                index,
+                grasp.pre_grasp_palm_pose.pose.position,
+                grasp.palm_pose.pose.position,
+                quality_color(grasp, _WAY_ALPHA if index else 1.0),
+            )
+            for index, grasp in enumerate(grasps)
+        ]
+        markers.append(_text_marker(best))
+        whole, part_of_second = divmod(round(lifetime_s * _NANOSECONDS), _NANOSECONDS)
+        for marker in markers:
+            marker.header = best.palm_pose.header
+            marker.lifetime = Duration(sec=whole, nanosec=part_of_second)
+        clear = Marker(header=best.palm_pose.header, action=Marker.DELETEALL)
+        return MarkerArray(markers=[clear, *markers])
+
+    @staticmethod
+    def _part_marker(part: ShownPart) -> Marker:
+        return Marker(
+            ns="part",
+            type=Marker.MESH_RESOURCE,
+            pose=part.pose,
+            scale=Vector3(x=part.scale, y=part.scale, z=part.scale),
+            color=PART_COLOR,
+            mesh_resource=part.uri,
+        )
 
     def _hand_markers(self, grasp: Grasp) -> list[Marker]:
         p, q = grasp.palm_pose.pose.position, grasp.palm_pose.pose.orientation
         T_world_palm = from_position_quat_xyzw([p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
         T_world_link = T_world_palm @ link_transforms(self._hand, list(grasp.grasp.position))[0]
+        color = quality_color(grasp, _HAND_ALPHA)
         markers: list[Marker] = []
         for link, T in zip(self._hand.link_names, T_world_link, strict=True):
             for shape in self._shapes.get(link, ()):
@@ -79,13 +143,12 @@ class GraspMarkers:
                 x, y, z = shape.scale
                 markers.append(
                     Marker(
-                        header=grasp.palm_pose.header,
                         ns="hand",
                         id=len(markers),
                         type=Marker.MESH_RESOURCE if shape.uri else Marker.CUBE,
                         pose=pose,
                         scale=Vector3(x=x, y=y, z=z),
-                        color=HAND_COLOR,
+                        color=color,
                         mesh_resource=shape.uri,
                     )
                 )
@@ -99,6 +162,27 @@ class _Shape:
     uri: str
     scale: tuple[float, float, float]
     T_link_shape: NDArray[np.float64]
+
+
+def _arrow(namespace: str, index: int, tail: Point, head: Point, color: ColorRGBA) -> Marker:
+    return Marker(
+        ns=namespace,
+        id=index,
+        type=Marker.ARROW,
+        points=[tail, head],
+        scale=Vector3(x=0.003, y=0.006, z=0.008),  # diameters of shaft and head, its length
+        color=color,
+    )
+
+
+def _text_marker(grasp: Grasp) -> Marker:
+    """Above the palm, against gravity where the frame's z axis points up."""
+    marker = Marker(ns="figures", type=Marker.TEXT_VIEW_FACING, text=quality_text(grasp))
+    p = grasp.palm_pose.pose.position
+    marker.pose.position = Point(x=p.x, y=p.y, z=p.z + TEXT_ABOVE_M)
+    marker.scale.z = TEXT_HEIGHT_M
+    marker.color = TEXT_COLOR
+    return marker
 
 
 def _visual_shapes(urdf: str) -> dict[str, tuple[_Shape, ...]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.ros.parameters import NodeParameters
 from gpis_grasp_planner.ros.plan_source import PlanSource
@@ -35,6 +36,7 @@ class Planning:
         directories = tuple(map(Path, parameters.node.mesh_directories)) or (
             default_catalogue_directory(),
         )
+        self._directories = directories
         self.catalogue = MeshCatalogue(directories)
         for name, reason in self.catalogue.refused():
             node.get_logger().warning(f"{ascii(name)[1:-1]} cannot be asked for: {reason}.")
@@ -49,6 +51,12 @@ class Planning:
             lambda: parameters.node,
             parameters.planning_values,
         )
+
+    def plain_file(self, mesh_id: str) -> tuple[Path, float] | None:
+        """As :meth:`MeshCatalogue.plain_file`, in the default unit of this moment."""
+        settings = self._parameters.group("catalogue")
+        assert isinstance(settings, CatalogueSettings)
+        return MeshCatalogue(self._directories, settings).plain_file(mesh_id)
 
     def close(self) -> None:
         """End the planning process; requests that wait for it are answered SHUTTING_DOWN."""

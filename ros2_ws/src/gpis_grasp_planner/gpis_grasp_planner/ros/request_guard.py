@@ -66,6 +66,9 @@ def check_request(
     planner: str,
     verification: str,
     settings: NodeSettings,
+    *,
+    objective: str = "",
+    task: str = "",
 ) -> PlanRequest:
     """Fill in the defaults (seed -1, budget 0, number 0, empty texts) and check the bounds.
 
@@ -97,6 +100,8 @@ def check_request(
         n_grasps=n_grasps or settings.default_n_grasps,
         friction=settings.friction,
         verification=printable(verification, 40) or settings.default_verification,
+        objective=printable(objective, 64),
+        task=printable(task, 400),
     )
 
 

@@ -40,6 +40,7 @@ PLANNER_NAMES = (
 
 
 NO_FLANGE = "0 0 0 0 0 0 1"
+HAND_FRAMES = ("links", "root", "none")
 POSE_TYPES = ("pose_stamped", "pose_with_covariance_stamped", "detection3d_array", "tf")
 
 
@@ -191,6 +192,25 @@ class NodeSettings(SettingsGroup):
         description="Whether the last grasp is published anew, from memory and checked against "
         "the surroundings, when another estimate of its part comes.",
     )
+    hand_frames: str = setting(
+        "links",
+        choices=HAND_FRAMES,
+        description="What of the hand at the last grasp is published on /tf_static: all its "
+        "links, for a robot model without further nodes; its root link alone, where a "
+        "robot_state_publisher does the others by grasp_joint_states; or none.",
+    )
+    hand_frame_prefix: str = setting(
+        "planned/",
+        description="Stands before the links' names in those frames: without one they would be "
+        "the frames of the real hand.",
+    )
+    marker_lifetime_s: float = setting(
+        0.0,
+        low=0.0,
+        high=86_400.0,
+        description="Time after which viewers take the markers of a grasp away; 0: with the next "
+        "grasp.",
+    )
     workspace_radius_m: float = setting(
         100.0,
         low=0.1,
@@ -278,6 +298,11 @@ class NodeSettings(SettingsGroup):
                     f"Setting '{name}' is '{printable(frame, 60)}'; a frame has 1 to 255 letters, "
                     "digits or '_./~:-'. Give the frame's name as poses have it."
                 )
+        if FRAME_PATTERN.fullmatch(f"{self.hand_frame_prefix}palm") is None:
+            raise RequestError(
+                f"Setting 'hand_frame_prefix' is '{printable(self.hand_frame_prefix, 60)}'; it "
+                "has letters, digits or '_./~:-'. Give it as frames have it, such as 'planned/'."
+            )
         if listed and not self.obstacles_frame:
             raise RequestError(
                 f"Setting 'obstacles' names {len(listed)}, and 'obstacles_frame' is empty. Set it "

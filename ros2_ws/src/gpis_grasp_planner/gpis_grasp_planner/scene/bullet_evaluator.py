@@ -19,10 +19,10 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus
-from gpis_grasp_planner.grasp.funnel import Tally
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
+from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.figures import Quality
@@ -132,7 +132,7 @@ class BulletEvaluator:
         for row in range(len(T)):
             self.world.set_joints(self._open(spread[row]))
             free[row] = self._clear(T[row], normals_outward[row], float(standoff[row]))
-        self.tally.reject(free)
+        self.tally.reject(np.asarray(T_object_palm), free)
         return T, free
 
     def confirm(self, grasps: Sequence[Grasp]) -> list[Confirmation]:

@@ -21,6 +21,8 @@ from gpis_grasp_planner.arm.description import load_arm
 from gpis_grasp_planner.disk_cache import code_version
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.plan.objective import settings_for
+from gpis_grasp_planner.plan.own_constraints import identities
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 
@@ -84,7 +86,8 @@ class Conditions:
         hand : HandDescription
         """
         friction = request.friction_for(part.friction)
-        decisive = {n: v for n, v in settings.as_dict().items() if n not in _NOT_DECISIVE}
+        asked = settings_for(request, settings)
+        decisive = {n: v for n, v in asked.as_dict().items() if n not in _NOT_DECISIVE}
         arm = settings.arm.model
         simplified = None if part.simplified is None else part.simplified.content_hash
         return Conditions.from_mapping(
@@ -92,6 +95,7 @@ class Conditions:
                 "planner_version": planner_version(),
                 "mesh_hash": part.mesh.content_hash,
                 "simplified_hash": simplified,
+                "surface": None if part.uncertainty is None else part.uncertainty.content_hash,
                 "mass": float(part.mass),
                 "center_of_mass": part.center_of_mass.tolist(),
                 "hand": hand.name,
@@ -104,6 +108,7 @@ class Conditions:
                 "approach": None if request.approach is None else request.approach.as_mapping(),
                 "forbidden": [region.as_mapping() for region in request.forbidden],
                 "arm_identity": load_arm(arm).identity if arm else None,
+                "constraint_identities": identities(settings.constraints),
                 "settings": decisive,
             }
         )

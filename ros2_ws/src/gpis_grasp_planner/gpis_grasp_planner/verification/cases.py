@@ -26,11 +26,13 @@ class TrialCase:
     """One trial by the strict protocol: its name, its settings, and where the part lies.
 
     `displacement` (4, 4) is that of :meth:`Verifier.verify_displaced`; None: where it was planned.
+    `surface` is the one of `Part.drawn` that is tried; None: the part as it was planned on.
     """
 
     name: str
     settings: VerificationSettings
     displacement: Array | None = None
+    surface: int | None = None
 
     def outcome(self, verdict: Verification) -> TrialOutcome:
         """What a verdict over a grasp in this case says, as answers carry it."""
@@ -70,7 +72,8 @@ def finalist_cases(
       first case has less than the settings' friction), mass log-uniform from `mass_kg` to
       the part's own, the part displaced by `pose_noise_m` and `pose_noise_deg`, or by the
       covariance (6, 6) of the pose in the object's axes where that is known. They are
-      :func:`spread_points`, so that any first few of them are spread well;
+      :func:`spread_points`, so that any first few of them are spread well. Of a part that was
+      scanned each is made on the next of the surfaces drawn for it;
     - after the second draw the first case in the other physics engine, where the settings leave the
       engine open and there is another, for a verdict should not be one engine's habit;
     - last, its corner: slippery fingers and the part's own mass. Earlier it would make grasps
@@ -84,7 +87,7 @@ def finalist_cases(
     nominal = replace(settings, friction=min(settings.friction, friction.finger))
     less = nominal.friction / settings.friction if settings.friction > 0.0 else 1.0
     low, high = less * settings.low_friction, less * settings.high_friction
-    mass = cad_mass(part, settings)
+    mass, n_surfaces = cad_mass(part, settings), len(part.drawn)
     corner = replace(nominal, friction=low, mass_kg=mass)
     others = []
     points = spread_points(settings.draws, 8, np.random.default_rng(seed))
@@ -95,7 +98,11 @@ def finalist_cases(
             friction=low + u_friction * (high - low),
             mass_kg=settings.mass_kg * (mass / settings.mass_kg) ** u_mass,
         )
-        others.append(TrialCase(f"{_name(drawn)}, displaced {k + 1}", drawn, move))
+        name, surface = f"{_name(drawn)}, displaced {k + 1}", None
+        if n_surfaces:
+            surface = k % n_surfaces
+            name += f", surface {surface + 1}"
+        others.append(TrialCase(name, drawn, move, surface))
     others[2:2] = [
         TrialCase(_name(other), other)
         for other in (replace(nominal, engine=name) for name in second_engines(settings.engine))

@@ -3,7 +3,8 @@
 Two logistic models, one of the first case and one of the further cases of grasps that passed it,
 begin at weights that were learnt from other parts and go on with the trials of the answer at hand,
 so that grasps that were tried say something about those that were not. What they expect of a
-grasp is the prior of a Beta distribution, which its own trials then decide.
+grasp is the prior of a Beta distribution, which its own trials then decide. Of a part that was
+scanned both are about the surfaces that the grasp closes on: times `surface_hold`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.special import betaincinv
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome
 from gpis_grasp_planner.quality.balance_factor import balance_factor
+from gpis_grasp_planner.quality.surface_knowledge import SURFACE_HOLD
 from gpis_grasp_planner.verification.logistic import Logistic
 
 Array = NDArray[np.float64]
@@ -45,6 +47,10 @@ def features_of(grasp: Grasp) -> Array:
     balanced = 0.5 if grasp.imbalance is None else float(balance_factor(grasp.imbalance))
     epsilon = np.log10(max(grasp.epsilon, _LEAST_EPSILON))
     return np.array([1.0, balanced, epsilon, np.log10(max(grasp.volume, _LEAST_VOLUME))])
+
+
+def _surface_hold(grasp: Grasp) -> float:
+    return float(grasp.quality.measured.get(SURFACE_HOLD.name, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +85,23 @@ class HoldModel:
             Logistic(np.array(_FURTHER), precision),
         )
         self._first, self._further = self._priors
-        self._seen: dict[bytes, tuple[Array, Sequence[TrialOutcome]]] = {}
+        self._seen: dict[bytes, tuple[Grasp, Sequence[TrialOutcome]]] = {}
 
     def learn(self, grasp: Grasp, outcomes: Sequence[TrialOutcome]) -> None:
         """Take the outcomes of a grasp so far, in place of what was told of it before (0.4 ms)."""
         key = grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
-        self._seen[key] = features_of(grasp), tuple(outcomes)
-        x = np.array([features for features, _ in self._seen.values()])
+        self._seen[key] = grasp, tuple(outcomes)
+        x = np.array([features_of(grasp) for grasp, _ in self._seen.values()])
         first = np.array([outcomes[0].passed for _, outcomes in self._seen.values()], dtype=float)
         self._first = self._priors[0].updated(x, first, np.ones(len(x)))
         further = [outcomes[1:] for _, outcomes in self._seen.values()]
-        n = np.array([len(each) for each in further], dtype=float)
+        # Where its surface lets a grasp fall, that says nothing of how such grasps hold.
+        n = np.array(
+            [
+                max(_surface_hold(each) * len(outcomes), sum(o.passed for o in outcomes))
+                for (each, _), outcomes in zip(self._seen.values(), further, strict=True)
+            ]
+        )
         passed = np.array([sum(o.passed for o in each) for each in further], dtype=float)
         self._further = self._priors[1].updated(x, passed * _SHARE, n * _SHARE)
 
@@ -101,6 +113,7 @@ class HoldModel:
             expected *= float(self._first.probability(x))
         elif not outcomes[0].passed:
             expected = _SMALLEST
+        expected *= _surface_hold(grasp)
         expected = min(max(expected, _SMALLEST), 1.0 - _SMALLEST)
         further = outcomes[1:]
         passed = sum(outcome.passed for outcome in further)

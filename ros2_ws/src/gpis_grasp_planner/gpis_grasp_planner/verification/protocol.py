@@ -51,6 +51,14 @@ class PreparedPart:
     tree: TriangleTree
     cover: ConvexCover
 
+    @classmethod
+    def of(
+        cls, part: Part, settings: VerificationSettings, field: DistanceField, tree: TriangleTree
+    ) -> PreparedPart:
+        """With a cover that is empty as yet."""
+        cover = ConvexCover(part.working_mesh, field, tree, settings.cover_tolerance_m)
+        return cls(field, tree, cover)
+
 
 _prepared: OrderedDict[tuple[str, float], PreparedPart] = OrderedDict()
 
@@ -67,8 +75,7 @@ def prepare(
     if found is None:
         field = field or DistanceField.of(part.working_mesh)
         tree = tree or TriangleTree.of(part.mesh)
-        cover = ConvexCover(part.working_mesh, field, tree, settings.cover_tolerance_m)
-        found = _prepared[key] = PreparedPart(field, tree, cover)
+        found = _prepared[key] = PreparedPart.of(part, settings, field, tree)
     _prepared.move_to_end(key)
     while len(_prepared) > _KEPT_PARTS:
         _prepared.popitem(last=False)

@@ -65,6 +65,8 @@ class RunningTrials:
     prepared : PreparedPart
     cases : sequence of TrialCase
         The first decides whether a grasp holds; what fails it is not tried further.
+    drawn : sequence of (Part, PreparedPart)
+        Of `Part.drawn`, where cases are made on them.
     on_complete : callable, optional
         Called in the child that has covered the whole part while it had nothing to try.
     clock : callable
@@ -85,6 +87,7 @@ class RunningTrials:
         settings: VerificationSettings,
         prepared: PreparedPart,
         cases: Sequence[TrialCase],
+        drawn: Sequence[tuple[Part, PreparedPart]] = (),
         on_complete: Callable[[ConvexCover], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
@@ -92,7 +95,7 @@ class RunningTrials:
         for engine in dict.fromkeys(case.settings.engine for case in cases):
             load(engine, hand)  # here, so that no child needs to
         self._cover = prepared.cover
-        self._serve = partial(_serve, part, hand, prepared, cases, on_complete)
+        self._serve = partial(_serve, ((part, prepared), *drawn), hand, cases, on_complete)
         self._tried: dict[bytes, _Tried] = {}
         self._offered: list[_Tried] = []
         self._idle: list[ForkedChild] = []
@@ -258,22 +261,23 @@ def _key(grasp: Grasp) -> bytes:
 
 
 def _serve(
-    part: Part,
+    parts: Sequence[tuple[Part, PreparedPart]],
     hand: HandDescription,
-    prepared: PreparedPart,
     cases: Sequence[TrialCase],
     on_complete: Callable[[ConvexCover], None] | None,
     connection: Connection,
 ) -> None:
+    prepared = parts[0][1]
     with ExitStack() as owned:
-        verifiers: dict[str, Verifier] = {}  # by engine; the second one only if it is asked for
+        # By engine and surface; all but the first only if they are asked for.
+        verifiers: dict[tuple[str, int], Verifier] = {}
 
         def verifier_for(case: TrialCase) -> Verifier:
-            engine = case.settings.engine
-            if engine not in verifiers:
-                made = Verifier(part, hand, case.settings, prepared)
-                verifiers[engine] = owned.enter_context(made)
-            return verifiers[engine]
+            key = case.settings.engine, 0 if case.surface is None else 1 + case.surface
+            if key not in verifiers:
+                part, made = parts[key[1]]
+                verifiers[key] = owned.enter_context(Verifier(part, hand, case.settings, made))
+            return verifiers[key]
 
         def answer(job: tuple[Grasp, int]) -> Verification:
             grasp, case = job[0], cases[job[1]]

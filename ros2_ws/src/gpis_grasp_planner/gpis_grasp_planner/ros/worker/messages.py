@@ -14,6 +14,7 @@ from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.plan.progress import Progress
 from gpis_grasp_planner.plan.request import PlanRequest
+from gpis_grasp_planner.quality.figures import ALWAYS, Figure
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,10 @@ class Plan:
         The place that the plan is for; None for free space.
     funnel : Funnel
         Where grasps got lost.
+    objective : str
+        By which the grasps were ranked, as a formula.
+    figures : tuple of Figure
+        What the figures of the grasps' qualities mean.
     enough : bool
         Whether a plan from what was known needs no further search
         (`plan.placing.KnownAnswer.satisfies`).
@@ -128,6 +133,8 @@ class Plan:
     enough: bool = True
     from_store: bool = False
     funnel: Funnel = field(default_factory=Funnel)
+    objective: str = ""
+    figures: tuple[Figure, ...] = ALWAYS
 
 
 @dataclass(frozen=True)

@@ -219,4 +219,6 @@ def _plan_of(result: PlanResult, monitor: Monitor) -> Plan:
         funnel=result.funnel,
         elapsed_s=monitor.elapsed_s,
         place=result.place,
+        objective=result.objective,
+        figures=result.figures,
     )
