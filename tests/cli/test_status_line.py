@@ -42,7 +42,7 @@ def test_it_ticks_while_nothing_is_reported_and_is_gone_in_the_end(terminal) -> 
         status.enter("reading")
         terminal("reading: ")
         status.show(Progress(Phase.SEARCHING, 0.4, 5.0, 96, 0.1234, 3))
-        shown = terminal("of 5 s, 96 grasps tried, best epsilon 0.1234")
+        shown = terminal("of 5 s, 96 attempts, best epsilon 0.1234")
         assert "\n" not in shown
         status.note("a note")
         terminal(r"\r\x1b\[Ka note\r\n")
@@ -52,10 +52,10 @@ def test_it_ticks_while_nothing_is_reported_and_is_gone_in_the_end(terminal) -> 
 def test_phases_of_the_planner_are_shown_by_their_names() -> None:
     status = StatusLine("loading")
     status.show(Progress(Phase.TRYING, 1.0, 5.0, 3, n_tried=4, n_held=1))
-    assert status.text().startswith("trying: 0.")
-    assert status.text().endswith(" of 5 s, 3 grasps tried, 1 of 4 held in physics")
+    assert status.text().startswith("trying: 1.")  # the clock of the budget
+    assert status.text().endswith(" of 5 s, 3 attempts, 1 of 4 held in physics")
     status.enter("drawing")
-    assert status.text().startswith("drawing: ")
+    assert status.text().startswith("drawing: 0.")
 
 
 def test_without_a_terminal_there_are_notes_only(capfd: pytest.CaptureFixture[str]) -> None:

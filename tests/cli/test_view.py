@@ -2,6 +2,8 @@
 
 import sys
 
+import pytest
+
 
 def test_without_viser_it_says_what_to_install(gpis_grasp, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
@@ -21,3 +23,19 @@ def test_a_document_that_is_not_there(gpis_grasp, tmp_path):
     answer = gpis_grasp("view", tmp_path / "grasps.json")
     assert answer.code == 1
     assert "grasps.json" in answer.err
+
+
+@pytest.mark.parametrize("words", [(), ("mug", "--ros")])
+def test_either_a_part_or_a_node_is_shown(gpis_grasp, words):
+    answer = gpis_grasp("view", *words)
+    assert answer.code == 1
+    assert "either a part, or a document, or --ros" in answer.err
+
+
+def test_without_ros_it_says_what_to_source(gpis_grasp, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    monkeypatch.delitem(sys.modules, "gpis_grasp_planner.ros.grasp_watch", raising=False)
+    answer = gpis_grasp("view", "--ros")
+    assert answer.code == 1
+    assert "rclpy is not there" in answer.err
+    assert "scripts/env.sh" in answer.err

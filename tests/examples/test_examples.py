@@ -90,7 +90,7 @@ def numbers(pattern: str, text: str) -> list[tuple[float, ...]]:
 
 def test_every_example_has_a_test_and_a_line_of_the_index() -> None:
     scripts = {path.name for path in EXAMPLES.glob("*.py")}
-    assert len(scripts) == 12
+    assert len(scripts) == 13
     assert scripts == set(re.findall(r"\]\((\w+\.py)\)", (EXAMPLES / "README.md").read_text()))
     assert scripts == set(re.findall(r'"(\w+\.py)"', Path(__file__).read_text()))
 
@@ -109,6 +109,14 @@ def test_no_palm_is_below_the_table(tmp_path: Path) -> None:
     shown = numbers(r"palm at \[ ?(\S+) +(\S+) +(\S+?)\] m, (\S+) mm", text)
     assert shown
     assert all(z > 0.75 and distance >= 3.0 for _, _, z, distance in shown)
+
+
+def test_a_rule_of_ones_own_is_kept(tmp_path: Path) -> None:
+    text = run(tmp_path, "own_constraint.py")
+    assert text.startswith("SUCCESS ")
+    assert int(re.search(r"height of contacts (\d+)", text)[1]) > 0
+    [(farthest,)] = numbers(r"farthest contact (\S+) mm", text)
+    assert 0.0 < farthest <= 25.0
 
 
 def test_the_request_is_kept(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from gpis_grasp_planner import registered
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.quality import measures
 from gpis_grasp_planner.quality.figures import Figure
 from gpis_grasp_planner.quality.measure import HeldPart, Measure
 from gpis_grasp_planner.quality.measures import GROUP, MEASURES, make_measure, measured
@@ -34,7 +34,7 @@ def offer(monkeypatch: pytest.MonkeyPatch):
         module.value = value
         monkeypatch.setitem(sys.modules, "strangers_measures", module)
         point = EntryPoint(name, "strangers_measures:value", GROUP)
-        monkeypatch.setattr(measures, "entry_points", lambda group: [point])
+        monkeypatch.setattr(registered, "entry_points", lambda group: [point])
 
     return register
 
@@ -78,9 +78,22 @@ def test_what_is_no_measure_of_that_name_is_refused(offer, value: object) -> Non
         make_measure("mine", DEFAULT)
 
 
+def test_a_module_names_one_that_nobody_registered(offer, part: HeldPart) -> None:
+    mine = Measure(Figure("n_touching", "", True, "", ""), lambda held: float(len(held.contacts)))
+    offer("another", mine)
+    assert make_measure("strangers_measures:value", DEFAULT) is mine
+
+
+@pytest.mark.parametrize("ours", ["epsilon", "task"])
+def test_a_modules_measure_must_not_have_a_name_of_ours(offer, ours: str) -> None:
+    offer("another", Measure(Figure(ours, "", True, "", ""), lambda held: 0.0))
+    with pytest.raises(RequestError, match="with a name of its own"):
+        make_measure("strangers_measures:value", DEFAULT)
+
+
 def test_one_that_cannot_be_imported_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("mine", "no_such_module_anywhere:value", GROUP)
-    monkeypatch.setattr(measures, "entry_points", lambda group: [point])
+    monkeypatch.setattr(registered, "entry_points", lambda group: [point])
     with pytest.raises(RequestError, match=r"'mine' \(no_such_module_anywhere:value\)"):
         make_measure("mine", DEFAULT)
 

@@ -92,3 +92,12 @@ def test_the_objects_axes(rng):
     seen = np.concatenate([x[:, :3] @ R, x[:, 3:] @ R], axis=1)
     C = covariance_in_object(A @ A.T, R)
     np.testing.assert_allclose(np.cov(seen.T), C, atol=0.03 * np.abs(C).max())
+
+
+def test_a_bare_pose_is_false_and_written_all_the_same():
+    T = np.eye(4)
+    T[:3, 3] = [0.1, 0.0, 0.2]
+    assert not Place(T)
+    written = Place(T).as_mapping_if_stated()
+    assert np.array_equal(Place.from_mapping(written).T_world_object, T)
+    assert Place().as_mapping_if_stated() is None

@@ -1,5 +1,7 @@
 """The viewer in a real browser: it loads, grasps change, the slider moves, the console is clean."""
 
+import json
+import re
 import shutil
 import signal
 import subprocess
@@ -8,6 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from live_node import LiveNode, NodeClient, plan_request
 from PIL import Image
 from playwright import sync_api
 
@@ -82,3 +85,44 @@ def test_grasps_change_and_the_slider_moves(mug_document, tmp_path):
         assert choice.input_value().startswith("1: epsilon")
         other = picture(page, tmp_path / "other.png")
         assert (np.abs(other - closed).max(axis=2) > 30).mean() > 0.005
+
+
+def test_lost_palms_are_points_with_a_legend(mug_document, tmp_path):
+    lost = json.loads(mug_document.read_text())["lost_palms"]
+    with viewer(mug_document, "--port", "8251") as address, page_at(address) as page:
+        legend = page.locator("div", has_text="some of each cause").last
+        assert legend.locator("span").count() == len(lost) > 3
+        for entry in lost:
+            assert entry["cause"] in legend.inner_text()
+        before = picture(page, tmp_path / "without.png")
+        page.get_by_label("lost palms").click()
+        seen = picture(page, tmp_path / "with.png")
+        changed = seen[(np.abs(seen - before).max(axis=2) > 30)]
+        assert len(changed) > 200
+        # Every point has the colour of the legend of its cause, such as the support's.
+        style = legend.locator("div", has_text="support").locator("span").first
+        color = np.array([int(n) for n in re.findall(r"[0-9]+", style.get_attribute("style"))])
+        assert (np.abs(changed - color).max(axis=1) < 60).sum() > 20
+
+
+def test_what_a_node_publishes_is_shown_as_it_comes(tmp_path):
+    with (
+        LiveNode(tmp_path / "node.log", {"default_verification": "none"}),
+        NodeClient("viewer_test") as client,
+    ):
+        first = client.call(plan_request("sphere", time_budget=20.0, n_grasps=1))
+        assert first.success, first.message
+        with viewer("--ros", "--port", "8261") as address, page_at(address) as page:
+            page.get_by_text("sphere in the frame world").wait_for()
+            epsilon = f"0: epsilon {first.grasps[0].epsilon:.4f}"
+            choice = page.locator("input[aria-haspopup=listbox]").last
+            assert choice.input_value() == epsilon
+            sphere = picture(page, tmp_path / "sphere.png")
+            there = plan_request("mug", time_budget=30.0, n_grasps=1)
+            there.object_pose.header.frame_id = "cell"
+            second = client.call(there)
+            assert second.success, second.message
+            page.get_by_text("mug in the frame cell").wait_for()
+            assert choice.input_value() == f"0: epsilon {second.grasps[0].epsilon:.4f}"
+            mug = picture(page, tmp_path / "mug.png")
+            assert (np.abs(mug - sphere).max(axis=2) > 30).mean() > 0.01

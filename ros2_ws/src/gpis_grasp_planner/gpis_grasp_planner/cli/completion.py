@@ -51,6 +51,14 @@ def hand_names(**_: object) -> list[str]:
     return list(available_hands())
 
 
+def constraint_names(**_: object) -> list[str]:
+    """What installed distributions register, for --constraint."""
+    from gpis_grasp_planner.plan.own_constraints import GROUP
+    from gpis_grasp_planner.registered import registered
+
+    return list(registered(GROUP))
+
+
 def setting_names(**_: object) -> list[str]:
     """``group.name=`` of every setting, for --set."""
     from gpis_grasp_planner.cli.options import setting_classes

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from gpis_grasp_planner.cli import completion
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
@@ -30,6 +32,25 @@ def add_constraints(parser: argparse.ArgumentParser) -> None:
         help="a box of the part that the hand must not touch: its middle and its edges [m], along "
         "the axes of the part's own frame; repeatable",
     )
+
+
+def add_own(parser: argparse.ArgumentParser) -> None:
+    """Add --constraint."""
+    own = parser.add_argument(
+        "--constraint",
+        metavar="NAME",
+        action="append",
+        default=[],
+        dest="constraint_names",
+        help="a constraint of your own: the name of an installed distribution's, or module:NAME; "
+        "repeatable; in place of the setting constraints.names (docs/extending.md)",
+    )
+    own.completer = completion.constraint_names  # type: ignore[attr-defined]
+
+
+def with_own(assignments: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Assignments of settings with the constraints of --constraint."""
+    return [*assignments, *([f"constraints.names={','.join(names)}"] if names else [])]
 
 
 def constraints_of(

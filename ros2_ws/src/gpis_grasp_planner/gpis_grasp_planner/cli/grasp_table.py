@@ -80,7 +80,9 @@ def order_text(result: PlanResult) -> str:
     if any(_hold_probability(grasp) is not None for grasp in result.grasps):
         rules.append("P(hold)")
     weight = result.settings["hpp"]["volume_weight"]  # documents before figures had names
-    rules.append(result.objective or f"epsilon + {weight:g} volume")
+    objective = result.objective or f"epsilon + {weight:g} volume"
+    balanced = result.settings["hpp"].get("balance_friction_share", 0.0) > 0.0
+    rules.append(f"({objective}) x balance" if balanced else objective)
     return f"Best first by {', '.join(rules)}; # counts from 0."
 
 

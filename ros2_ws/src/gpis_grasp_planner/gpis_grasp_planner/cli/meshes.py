@@ -80,7 +80,7 @@ def _row(part: Part) -> tuple[str, ...]:
     return (
         part.mesh_id,
         " x ".join(f"{1e3 * side:.0f}" for side in part.mesh.extent),
-        f"{part.mass:.3f}",
+        f"{part.mass:.3g}",
         "default" if mu is None else f"{mu.finger:g} / {mu.palm:g}",
         str(len(part.mesh.faces)),
         _remark(part),

@@ -51,13 +51,14 @@ class StatusLine:
             self._write(_ERASE)
 
     def enter(self, phase: str) -> None:
-        """Another phase begins."""
-        self._phase, self._details = phase, ""
+        """Another phase begins, with a clock of its own."""
+        self._phase, self._details, self._start = phase, "", time.monotonic()
 
     def show(self, progress: Progress) -> None:
         """What the planner says on its way; its phases are shown by their names."""
         self._phase = str(progress.phase)
-        details = f" of {progress.time_budget_s:g} s, {progress.evaluations} grasps tried"
+        self._start = time.monotonic() - progress.elapsed_s  # the budget's clock, not ours
+        details = f" of {progress.time_budget_s:g} s, {progress.evaluations} attempts"
         if progress.best_epsilon > 0.0:
             details += f", best epsilon {progress.best_epsilon:.4f}"
         if progress.n_tried:

@@ -1,4 +1,4 @@
-"""Show a part, a document's grasps or a running search in the browser."""
+"""Show a part, a document's grasps, a running search or what a node publishes in the browser."""
 
 from __future__ import annotations
 
@@ -23,13 +23,23 @@ examples:
   gpis-grasp view grasps.json
   gpis-grasp view mug --model
   gpis-grasp view mug --live --time 20 --support lowest
+  gpis-grasp view --ros
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of 'view'."""
     parser.add_argument(
-        "target", metavar="MESH|GRASPS.json", help="a document of 'plan --json', or a part"
+        "target",
+        metavar="MESH|GRASPS.json",
+        nargs="?",
+        help="a document of 'plan --json', or a part; not with --ros",
+    )
+    parser.add_argument(
+        "--ros", action="store_true", help="show the grasps that a node publishes, as they come"
+    )
+    parser.add_argument(
+        "--namespace", default="/", metavar="NS", help="of the node, with --ros; default: /"
     )
     parser.add_argument(
         "--live", action="store_true", help="plan grasps of the part, and show them as they come"
@@ -57,6 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
     from gpis_grasp_planner.errors import RequestError
 
+    if arguments.ros == (arguments.target is not None):
+        raise RequestError(
+            "'view' takes either a part, or a document, or --ros. Such as: gpis-grasp view mug"
+        )
+    if arguments.ros:
+        from gpis_grasp_planner.cli.view_ros import serve
+
+        return serve(arguments)
     document = arguments.target.endswith(".json")
     if document and arguments.live:
         raise RequestError(f"--live plans a part; {arguments.target} is a document. Name a mesh.")
@@ -142,7 +160,12 @@ def _plan_live(arguments: argparse.Namespace, scene: GraspScene, page: GraspPage
     result = GraspPlanner(settings).answer(scene.part, request, scene.place, monitor=monitor).result
     page.say(f"**{result.code.name}**: {result.message}")
     best = result.best_attempt
-    found = replace(scene, grasps=result.grasps or (() if best is None else (best,)))
+    found = replace(
+        scene,
+        grasps=result.grasps or (() if best is None else (best,)),
+        lost_palms=result.lost_palms,
+        funnel=result.funnel,
+    )
     page.show_grasps(found)
     return found
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,8 +140,13 @@ class Verdict:
         return cls(np.full(n, None, dtype=object), np.zeros((n, 3)))
 
 
+@runtime_checkable
 class Constraint(Protocol):
-    """One thing that grasps must respect, for one part, hand and place."""
+    """One thing that grasps must respect, for one part, hand and place.
+
+    `name` and `verdict` are needed. The others have a default that is true of every constraint;
+    with answers of their own the search loses no time on hands that are forbidden.
+    """
 
     @property
     def name(self) -> str:
@@ -158,14 +163,16 @@ class Constraint(Protocol):
 
         False only where `verdict` blocks whatever grasp the closing ends in.
         """
-        ...
+        del joints
+        return np.ones(len(T_object_palm), dtype=np.bool_)
 
     def allows_palm(self, T_object_palm: Array, joints: Array, /) -> NDArray[np.bool_]:
         """Which hands (B, 4, 4) may be there at all, however far their fingers are closed: (B,).
 
         Looks at the links that the closing does not move, with the spread of `joints` (B, J).
         """
-        ...
+        del joints
+        return np.ones(len(T_object_palm), dtype=np.bool_)
 
     def nearest(self, T_object_palm: Array, joints: Array, /) -> Array:
         """The hands moved to the nearest pose that is allowed (B, 4, 4), where one is known.

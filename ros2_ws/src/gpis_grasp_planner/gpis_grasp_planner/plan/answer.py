@@ -48,7 +48,8 @@ class Answer:
 
 def causes_text(blocked: Mapping[str, int]) -> str:
     """Counts by cause, such as "palm 3, finger 12"."""
-    return ", ".join(f"{cause} {blocked[cause]}" for cause in Cause if blocked.get(cause))
+    causes = dict.fromkeys([*map(str, Cause), *sorted(map(str, blocked))])
+    return ", ".join(f"{cause} {blocked[cause]}" for cause in causes if blocked.get(cause))
 
 
 def found_text(
@@ -103,8 +104,8 @@ def nothing_found(
         return (
             ErrorCode.ALL_GRASPS_BLOCKED,
             f"No grasp of '{part.mesh_id}' is clear of its surroundings here: in {attempts} "
-            f"attempts {' and '.join(what)}. Move the part or the obstacle, give more time, or a "
-            "smaller clearance.margin_m.",
+            f"attempts {' and '.join(what)}. Move the part or the obstacle, forbid less, give "
+            "more time, or a smaller clearance.margin_m.",
         )
     if n_disagreed:
         return (

@@ -25,6 +25,7 @@ def make_constraints(
     place: Place,
     settings: PlannerSettings,
     arm: ArmConstraint | None = None,
+    own: tuple[Constraint, ...] = (),
 ) -> tuple[Constraint, ...]:
     """Everything that the grasps of a plan must respect, the cheapest to ask first.
 
@@ -38,6 +39,8 @@ def make_constraints(
     settings : PlannerSettings
     arm : ArmConstraint, optional
         Of the place where the part really lies (`arm_constraint`).
+    own : tuple of Constraint
+        Those of the settings (`own_constraints`), what they cost being unknown.
 
     Returns
     -------
@@ -59,6 +62,7 @@ def make_constraints(
     made += [
         RegionConstraint(hand, region, settings.clearance, retreat) for region in request.forbidden
     ]
+    made += own
     if arm is not None:
         made.append(arm)
     return tuple(made)

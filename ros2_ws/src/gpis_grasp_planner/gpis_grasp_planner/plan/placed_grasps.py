@@ -43,6 +43,8 @@ class GraspPlacing:
         What the request forbids beside the surroundings: directions, regions of the part; the arm.
     arm : ArmConstraint or None
         The one of `forbidding`, which knows its ways.
+    own : tuple of Constraint
+        Those of `forbidding` that a user added.
     """
 
     hand: HandDescription
@@ -51,6 +53,7 @@ class GraspPlacing:
     tree: TriangleTree
     forbidding: tuple[Constraint, ...] = ()
     arm: ArmConstraint | None = None
+    own: tuple[Constraint, ...] = ()
 
     @property
     def constrained(self) -> bool:
@@ -126,7 +129,7 @@ class GraspPlacing:
         for constraint in self.forbidding:
             cause = constraint.verdict(closed).cause
             found = [
-                replace(clearance, cause=Cause(cause[i]), nearest=constraint.name)
+                replace(clearance, cause=cause[i], nearest=constraint.name)
                 if clearance.clear and cause[i] is not None
                 else clearance
                 for i, clearance in enumerate(found)

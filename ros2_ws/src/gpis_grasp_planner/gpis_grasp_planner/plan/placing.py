@@ -122,7 +122,7 @@ def place_known(
         reserve=_left_over(known, answered),
         request=request,
         notes=known.notes + notes,
-        place=place.as_mapping() if place else None,
+        place=place.as_mapping_if_stated(),
         elapsed_s=monitor.elapsed_s,
         funnel=Funnel(
             len(found), {(Step.CLEAR, str(cause)): n for cause, n in blocked.items()}, Step.CLEAR

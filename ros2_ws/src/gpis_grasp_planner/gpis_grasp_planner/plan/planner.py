@@ -19,6 +19,7 @@ from gpis_grasp_planner.plan.constraints import arm_constraint, make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
 from gpis_grasp_planner.plan.objective import make_objective, settings_for
+from gpis_grasp_planner.plan.own_constraints import own_constraints
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.plan.placing import KnownAnswer, place_known
 from gpis_grasp_planner.plan.preparation import Preparation, PreparedObject
@@ -123,7 +124,8 @@ class GraspPlanner:
         if monitor is None:
             make_ready(request.planner)  # where nothing is compiled yet: once, before the clock
             monitor = Monitor(request.time_budget_s)
-        constrained = place.surroundings or request.approach or request.forbidden
+        asked = request.approach or request.forbidden or self.settings.constraints.names
+        constrained = place.surroundings or asked
         if (
             constrained or place.T_world_arm is not None
         ) and self.settings.scene.search_evaluator == "bullet":
@@ -164,7 +166,7 @@ class GraspPlanner:
 
     def placed(self, place: Place | None) -> Place:
         """The place as this planner takes it: before the arm of its settings, if there is one."""
-        place = place or Place()
+        place = Place() if place is None else place  # a bare pose is false, and counts all the same
         if not self.settings.arm.model:
             return replace(place, T_world_arm=None)
         return place if place.T_world_arm is not None else replace(place, T_world_arm=np.eye(4))
@@ -173,14 +175,16 @@ class GraspPlanner:
         self, part: Part, prepared: PreparedObject, request: PlanRequest, place: Place
     ) -> tuple[GraspPlacing, HoldRanking]:
         arm = arm_constraint(self.hand, part, place, self.settings)
+        own = own_constraints(self.hand, part, place, self.settings.constraints)
         elsewhere = replace(place, surroundings=Surroundings())
         placing = GraspPlacing(
             self.hand,
             place.around(),
             self.settings.clearance,
             prepared.tree,
-            make_constraints(self.hand, request, elsewhere, self.settings, arm),
+            make_constraints(self.hand, request, elsewhere, self.settings, arm, own),
             arm,
+            own,
         )
         settings = settings_for(request, self.settings)
         hold = HoldRanking(part, self.hand, settings, prepared, place.covariance, request)

@@ -68,6 +68,11 @@ class PlanRequest:
     approach: ApproachCone | None = None
     forbidden: tuple[ForbiddenRegion, ...] = ()
 
+    @property
+    def depends_on_pose(self) -> bool:
+        """Whether a plan in free space is another one for another pose of the part."""
+        return self.approach is not None and self.approach.frame == "world"
+
     def __post_init__(self) -> None:
         low, high = TIME_BUDGET_RANGE_S
         if not (math.isfinite(self.time_budget_s) and low <= self.time_budget_s <= high):

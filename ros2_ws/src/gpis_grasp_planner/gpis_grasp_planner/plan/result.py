@@ -63,7 +63,7 @@ def make_result(
         evaluations=context.evaluator.n_attempts,
         notes=part.notes + notes,
         convergence=convergence,
-        place=place.as_mapping() if place else None,
+        place=place.as_mapping_if_stated(),
         reserve=reserve,
         funnel=funnel,
         lost_palms=lost_palms,

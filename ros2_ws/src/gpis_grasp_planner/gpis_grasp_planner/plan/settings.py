@@ -9,6 +9,7 @@ from typing import Any
 from gpis_grasp_planner.arm.settings import ArmSettings
 from gpis_grasp_planner.disk_cache import CacheSettings
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.grasp.constraint_settings import ConstraintSettings
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.plan.store_settings import StoreSettings
@@ -46,6 +47,7 @@ class PlannerSettings:
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     clearance: ClearanceSettings = field(default_factory=ClearanceSettings)
     objective: ObjectiveSettings = field(default_factory=ObjectiveSettings)
+    constraints: ConstraintSettings = field(default_factory=ConstraintSettings)
     uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
     cache: CacheSettings = field(default_factory=CacheSettings)
     store: StoreSettings = field(default_factory=StoreSettings)

@@ -83,7 +83,9 @@ class TriedGrasps:
         """How many were tried, and how many of those held."""
         lost = f" {self.n_lost} trials were lost with their process." if self.n_lost else ""
         if not self.n_tried:
-            return f"No grasp could be tried in physics within the time budget.{lost}"
+            return (
+                f"No grasp could be tried in physics within the time budget. Give more time.{lost}"
+            )
         untried = len(self.ranked) - self.n_tried
         left = f"; {untried} were not tried within the time budget" if untried else ""
         return (

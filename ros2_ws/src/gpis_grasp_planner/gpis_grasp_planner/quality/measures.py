@@ -2,23 +2,24 @@
 
 Another distribution registers a measure by an entry point of the group
 ``gpis_grasp_planner.measures``: a name, and a `Measure` whose figure has that name. Entry points
-are looked at only where a name is not one of ours.
+are looked at only where a name is not one of ours. ``module:NAME`` names one that nobody
+registered.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from importlib.metadata import EntryPoint, entry_points
 
 import numpy as np
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.quality.figures import Figure
+from gpis_grasp_planner.quality.figures import ALWAYS, Figure
 from gpis_grasp_planner.quality.least_friction import LEAST_FRICTION
 from gpis_grasp_planner.quality.measure import HeldPart, Measure
 from gpis_grasp_planner.quality.min_weight import MIN_WEIGHT
 from gpis_grasp_planner.quality.settings import ObjectiveSettings
 from gpis_grasp_planner.quality.task import task_measure
+from gpis_grasp_planner.registered import find, load
 
 GROUP = "gpis_grasp_planner.measures"
 MEASURES: dict[str, Callable[[ObjectiveSettings], Measure]] = {
@@ -26,12 +27,6 @@ MEASURES: dict[str, Callable[[ObjectiveSettings], Measure]] = {
     "least_friction": lambda _: LEAST_FRICTION,
     "task": lambda settings: task_measure(settings.task),
 }
-
-
-def registered() -> dict[str, EntryPoint]:
-    """What other distributions of this environment register, by name; a name of ours stays ours."""
-    found = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    return {point.name: point for point in found if point.name not in MEASURES}
 
 
 def make_measure(name: str, settings: ObjectiveSettings) -> Measure:
@@ -44,26 +39,20 @@ def make_measure(name: str, settings: ObjectiveSettings) -> Measure:
     """
     if name in MEASURES:
         return MEASURES[name](settings)
-    others = registered()
-    if name not in others:
+    point = find("measure", GROUP, name, MEASURES)
+    measure = load("measure", point)
+    wanted = "with a name of its own" if ":" in name else f"named '{name}'"
+    if not isinstance(measure, Measure) or not _may_be_named(measure.figure.name, name):
         raise RequestError(
-            f"There is no measure '{name}'; known are {', '.join([*MEASURES, *others])}. "
-            f"Another one is registered by an entry point of the group {GROUP}."
-        )
-    point = others[name]
-    try:
-        measure = point.load()
-    except Exception as error:  # what a stranger's module raises is not known
-        raise RequestError(
-            f"The measure '{name}' ({point.value}) cannot be imported: {error!r}. Repair or "
-            "remove its distribution."
-        ) from error
-    if not isinstance(measure, Measure) or measure.figure.name != name:
-        raise RequestError(
-            f"The entry point '{name}' ({point.value}) is {measure!r}; it must be a Measure whose "
-            f"figure is named '{name}'."
+            f"'{name}' ({point.value}) is {measure!r}; it must be a Measure whose figure is "
+            f"{wanted}."
         )
     return measure
+
+
+def _may_be_named(figure: str, name: str) -> bool:
+    ours = {*MEASURES, *(always.name for always in ALWAYS)}
+    return figure not in ours if ":" in name else figure == name
 
 
 def measured(held: HeldPart, measures: Iterable[Measure]) -> dict[str, float]:

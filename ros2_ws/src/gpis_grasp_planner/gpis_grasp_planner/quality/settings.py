@@ -14,8 +14,8 @@ class ObjectiveSettings(SettingsGroup):
     name: str = setting(
         "paper",
         description="What the search maximises: paper (epsilon + lambda volume, lambda is "
-        "hpp.volume_weight), or the name of a measure: min_weight, least_friction, task, or one "
-        "of an installed distribution.",
+        "hpp.volume_weight), or the name of a measure: min_weight, least_friction, task, one of "
+        "an installed distribution, or module:NAME of a module that can be imported.",
         common=True,
     )
     task: str = setting(

@@ -153,7 +153,7 @@ class GraspAnswering:
             pose, planned_for = self._newer(request.mesh_id, pose), pose
             if pose is not planned_for:
                 place = self._scenes.place(request, pose)
-            if place and pose is not planned_for:
+            if pose is not planned_for and self._plans.depends(plan_request, place):
                 delivered = self._plans.place(delivered, place, plan_request, call)
             if pose is not planned_for:
                 shown = self._in_frame(pose, request.target_frame)

@@ -97,7 +97,7 @@ class PlanSource:
         GraspPlannerError
             BUSY, or why there is no plan.
         """
-        if place is not None and not place and not _depends_on_pose(request):
+        if place is not None and not self.depends(request, place):
             place = None
         order = self._order(mesh_id, request)
         self.cache.size = self._settings().plan_cache_size
@@ -106,7 +106,7 @@ class PlanSource:
             if place is None and known.place is None:
                 return DeliveredPlan(known, from_cache=True)
             with self._queue.turn(Lane.KNOWN, call):
-                placed = self._placed(order, known, place or Place(), call)
+                placed = self._placed(order, known, _at(place), call)
             if placed.enough or placed.code == ErrorCode.CANCELLED:
                 return DeliveredPlan(placed, from_cache=True)
             spent_s += placed.elapsed_s
@@ -117,7 +117,7 @@ class PlanSource:
                 if place is None and newer.place is None:
                     return DeliveredPlan(newer, from_cache=True)
                 with self._queue.turn(Lane.KNOWN, call):
-                    placed = self._placed(order, newer, place or Place(), call)
+                    placed = self._placed(order, newer, _at(place), call)
                 if placed.enough or placed.code == ErrorCode.CANCELLED:
                     return DeliveredPlan(placed, from_cache=True)
                 spent_s += placed.elapsed_s
@@ -153,7 +153,7 @@ class PlanSource:
         GraspPlannerError
             BUSY, or why there is no answer.
         """
-        if place is not None and not place and not _depends_on_pose(request):
+        if place is not None and not self.depends(request, place):
             place = None
         order = self._order(mesh_id, request)
         known = self._known(order, place)
@@ -165,9 +165,12 @@ class PlanSource:
         if place is None and known.place is None:
             return DeliveredPlan(known, from_cache=True)
         with self._queue.turn(Lane.KNOWN, call):
-            return DeliveredPlan(
-                self._placed(order, known, place or Place(), call), from_cache=True
-            )
+            return DeliveredPlan(self._placed(order, known, _at(place), call), from_cache=True)
+
+    def depends(self, request: PlanRequest, place: Place) -> bool:
+        """Whether a plan for this place is another one than in free space, wherever that is."""
+        own = self._planning_values()["constraints"]["names"]
+        return bool(place) or request.depends_on_pose or bool(own)
 
     def facts(self, mesh_id: str, call: Call, *, measure: bool) -> MeshFacts | None:
         """Size and mass of a mesh: as read before, or read now where that is wanted.
@@ -270,6 +273,5 @@ class PlanSource:
         return settings
 
 
-def _depends_on_pose(request: PlanRequest) -> bool:
-    """Whether a plan in free space is another one for another pose of the part."""
-    return request.approach is not None and request.approach.frame == "world"
+def _at(place: Place | None) -> Place:
+    return Place() if place is None else place

@@ -8,9 +8,10 @@ of the group ``gpis_grasp_planner.planners``: a name, and a callable that makes 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
+from gpis_grasp_planner.registered import registered as registered_in
 from gpis_grasp_planner.search.context import PlanningContext, Search
 from gpis_grasp_planner.search.dual import DualOptimiser
 from gpis_grasp_planner.search.hpp_opt import PalmPoseOptimiser
@@ -45,8 +46,7 @@ def make_search(name: str, context: PlanningContext) -> Search:
 
 def registered() -> dict[str, EntryPoint]:
     """What other distributions of this environment register, by name; a name of ours stays ours."""
-    found = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    return {point.name: point for point in found if point.name not in PLANNERS}
+    return registered_in(GROUP, PLANNERS)
 
 
 def planner_names() -> tuple[str, ...]:

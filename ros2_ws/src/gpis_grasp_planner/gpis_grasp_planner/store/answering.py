@@ -93,7 +93,7 @@ def _note(found: Kept, place: Place) -> str:
     made = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(entry.made_s))
     text = (
         f"From the grasp store: planned {made} in {result.elapsed_s:.1f} s, "
-        f"{result.evaluations} grasps tried."
+        f"{result.evaluations} attempts."
     )
     made_for = Place() if result.place is None else Place.from_mapping(result.place, _stand_in)
     then, now = made_for.covariance, place.covariance

@@ -22,6 +22,7 @@ from gpis_grasp_planner.disk_cache import code_version
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.plan.objective import settings_for
+from gpis_grasp_planner.plan.own_constraints import identities
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 
@@ -107,6 +108,7 @@ class Conditions:
                 "approach": None if request.approach is None else request.approach.as_mapping(),
                 "forbidden": [region.as_mapping() for region in request.forbidden],
                 "arm_identity": load_arm(arm).identity if arm else None,
+                "constraint_identities": identities(settings.constraints),
                 "settings": decisive,
             }
         )

@@ -66,14 +66,14 @@ class Clearance:
         Smallest distance on the way up to the first phase that is blocked; 0 for an overlap with
         an obstacle, negative below a plane. Distances from obstacles are exact up to twice the
         margin and lower bounds beyond it; infinite where nothing stands around.
-    cause : Cause or None
-        None where the grasp is clear.
+    cause : str or None
+        None where the grasp is clear; a `Cause`, or what a user's constraint says.
     nearest : str
         Name of the support or obstacle at that distance; empty without any.
     """
 
     distance_m: float
-    cause: Cause | None = None
+    cause: str | None = None
     nearest: str = ""
 
     @property

@@ -51,6 +51,11 @@ class Place:
         """The surroundings in the object's frame."""
         return self.surroundings.seen_from(self.T_world_object)
 
+    def as_mapping_if_stated(self) -> dict[str, Any] | None:
+        """The JSON form; None for a part in free space at the world's own pose."""
+        stated = bool(self) or not np.array_equal(self.T_world_object, np.eye(4))
+        return self.as_mapping() if stated else None
+
     def as_mapping(self) -> dict[str, Any]:
         """The JSON form, from which :meth:`from_mapping` makes the same place."""
         position, quat_xyzw = to_position_quat_xyzw(self.T_world_object)

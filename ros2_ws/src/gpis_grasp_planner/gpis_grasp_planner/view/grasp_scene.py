@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,9 @@ from gpis_grasp_planner.arm.urdf import Body
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import apply, inverse, transform
+from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.urdf import visual_shapes
@@ -64,6 +66,9 @@ class GraspScene:
     grasps : tuple of Grasp
     cone_edges : int
         Of the friction pyramids.
+    lost_palms : LostPalms
+    funnel : Funnel
+        How many hands were lost by their causes.
     """
 
     part: Part
@@ -71,6 +76,8 @@ class GraspScene:
     place: Place
     grasps: tuple[Grasp, ...] = ()
     cone_edges: int = 8
+    lost_palms: LostPalms = field(default_factory=LostPalms)
+    funnel: Funnel = field(default_factory=Funnel)
 
     @staticmethod
     def of_result(
@@ -97,7 +104,9 @@ class GraspScene:
         place = Place() if result.place is None else Place.from_mapping(result.place, load_mesh)
         best = result.best_attempt
         grasps = result.grasps or (() if best is None else (best,))
-        return GraspScene(part, hand, place, grasps, result.cone_edges)
+        return GraspScene(
+            part, hand, place, grasps, result.cone_edges, result.lost_palms, result.funnel
+        )
 
     @cached_property
     def link_shapes(self) -> tuple[tuple[TriangleMesh, ...], ...]:

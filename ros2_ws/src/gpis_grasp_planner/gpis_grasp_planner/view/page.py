@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.extras import how_to_install
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.view.grasp_motion import MotionFrame
 from gpis_grasp_planner.view.grasp_scene import (
@@ -30,9 +30,10 @@ from gpis_grasp_planner.view.grasp_scene import (
     sorted_indices,
     trials_text,
 )
+from gpis_grasp_planner.view.lost_palm_colors import PaintedPalms, painted_palms
+from gpis_grasp_planner.view.page_nodes import PageNodes, place
 
 Array = NDArray[np.float64]
-Color = tuple[int, int, int]
 
 _PART, _PALM, _FINGER, _ARM = (237, 158, 56), (58, 61, 66), (120, 130, 145), (200, 120, 60)
 _CONTACT, _NORMAL, _AROUND = (219, 13, 18), (25, 140, 242), (150, 158, 150)
@@ -40,7 +41,9 @@ _FORCE, _TORQUE, _MODEL = (190, 30, 190), (120, 90, 220), (40, 160, 90)
 _FRAME_S = 0.05
 _ARROW_M = 0.05
 _WRENCH_M = 0.15  # of a wrench of length 1
-_LAYERS = ("part", "hand", "contacts", "weakest direction", "surroundings", "arm", "model")
+_LAYERS = (
+    "part", "hand", "contacts", "weakest direction", "surroundings", "arm", "model", "lost palms",
+)  # fmt: skip
 
 
 class GraspPage:
@@ -68,10 +71,12 @@ class GraspPage:
         self._scene = scene
         with redirect_stdout(io.StringIO()):  # it would print a box of its own
             self._server = viser.ViserServer(host, port, label="gpis-grasp view", verbose=False)
-        self._nodes: dict[str, list[Any]] = {layer: [] for layer in _LAYERS}
+        self._nodes = PageNodes(self._server.scene, _LAYERS)
         self._rows: list[int] = []
         self._frames: Sequence[MotionFrame] = ()
-        self._add_still()
+        self._server.scene.set_up_direction("+z")
+        self._add_hand()
+        self._add_part()
         self._add_controls()
         self.show_grasps(scene)
 
@@ -85,11 +90,17 @@ class GraspPage:
         self._server.stop()
 
     def show_grasps(self, scene: GraspScene) -> None:
-        """List the grasps of a scene of the same part and hand, and show the first."""
+        """List the grasps of a scene of the same hand, and show the first.
+
+        Where the scene has another part, or it lies elsewhere, part and surroundings are new.
+        """
         with self._lock:
-            self._scene = scene
+            before, self._scene = self._scene, scene
+            if scene.part is not before.part or scene.place is not before.place:
+                self._add_part()
             if scene.arm is not None and not self._arm_links:
                 self._add_arm()
+            self._add_lost(painted_palms(scene.lost_palms, scene.funnel))
             self._sort()
 
     def say(self, text: str) -> None:
@@ -99,67 +110,57 @@ class GraspPage:
     def add_model(self, meshes: Sequence[TriangleMesh], charts: Sequence[Array]) -> None:
         """Show ellipsoids, and charts as closed lines (n, 3) [m], all in the object's frame."""
         for number, mesh in enumerate(meshes):
-            self._mesh("model", f"/object/model/{number}", mesh, _MODEL, wireframe=True)
+            self._nodes.mesh("model", f"/object/model/{number}", mesh, _MODEL, wireframe=True)
         for number, ring in enumerate(charts):
-            lines = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
-            node = self._server.scene.add_line_segments(
-                f"/object/model/chart{number}", lines, _MODEL, thickness=0.0008
-            )
-            self._nodes["model"].append(node)
+            self._nodes.ring("model", f"/object/model/chart{number}", ring, _MODEL)
 
-    def _add_still(self) -> None:
-        scene, server = self._scene, self._server.scene
-        server.set_up_direction("+z")
-        self._object = server.add_frame("/object", show_axes=False)
-        _place(self._object, scene.place.T_world_object)
-        self._part = server.add_frame("/object/part", show_axes=False)
-        # contacts' cones and the weakest direction begin inside of it
-        self._mesh("part", "/object/part/mesh", scene.part.mesh, _PART, opacity=0.75)
-        for name, mesh in scene.surroundings().items():
-            self._mesh("surroundings", f"/around/{name}", mesh, _AROUND)
+    def _add_hand(self) -> None:
+        scene = self._scene
+        self._object = self._nodes.frame("/object")
+        # contacts' cones and the weakest direction begin inside of the part
+        self._part = self._nodes.frame("/object/part")
         self._links = []
         for link, name in enumerate(scene.hand.link_names):
-            self._links.append(server.add_frame(f"/object/hand/{name}", show_axes=False))
+            self._links.append(self._nodes.frame(f"/object/hand/{name}"))
             palm = scene.hand.link_friction_group[link] == "palm"
             for number, mesh in enumerate(scene.link_shapes[link]):
                 path = f"/object/hand/{name}/{number}"
-                self._mesh("hand", path, mesh, _PALM if palm else _FINGER)
+                self._nodes.mesh("hand", path, mesh, _PALM if palm else _FINGER)
         self._arm_links: list[Any] = []
-        points = scene.part.mesh.bounds
-        middle = scene.place.T_world_object @ np.append(points.mean(axis=0), 1.0)
+
+    def _add_part(self) -> None:
+        scene = self._scene
+        T_world_object = scene.place.T_world_object
+        place(self._object, T_world_object)
+        for layer in ("part", "surroundings"):
+            self._nodes.clear(layer)
+        self._nodes.mesh("part", "/object/part/mesh", scene.part.mesh, _PART, opacity=0.75)
+        for name, mesh in scene.surroundings().items():
+            self._nodes.mesh("surroundings", f"/around/{name}", mesh, _AROUND)
+        middle = T_world_object @ np.append(scene.part.mesh.bounds.mean(axis=0), 1.0)
         distance = scene.part.mesh.diagonal + 0.25
-        self._server.initial_camera.look_at = middle[:3]
-        self._server.initial_camera.position = middle[:3] + distance * np.array([0.7, -0.7, 0.45])
+        look_at, position = middle[:3], middle[:3] + distance * np.array([0.7, -0.7, 0.45])
+        self._server.initial_camera.look_at = look_at
+        self._server.initial_camera.position = position
+        for client in self._server.get_clients().values():
+            client.camera.look_at, client.camera.position = look_at, position
 
     def _add_arm(self) -> None:
         arm = self._scene.arm
         assert arm is not None
         for link in range(arm.n_joints + 1):
-            self._arm_links.append(self._server.scene.add_frame(f"/arm/{link}", show_axes=False))
+            self._arm_links.append(self._nodes.frame(f"/arm/{link}"))
         for number, body in enumerate(arm.chain.bodies):
             path = f"/arm/{body.link}/{number}"
-            self._mesh("arm", path, arm_shape(body), _ARM, opacity=0.8)
+            self._nodes.mesh("arm", path, arm_shape(body), _ARM, opacity=0.8)
 
-    def _mesh(
-        self,
-        layer: str,
-        path: str,
-        mesh: TriangleMesh,
-        color: Color,
-        opacity: float | None = None,
-        wireframe: bool = False,
-    ) -> None:
-        node = self._server.scene.add_mesh_simple(
-            path,
-            mesh.vertices.astype(np.float32),
-            mesh.faces.astype(np.uint32),
-            color=color,
-            opacity=opacity,
-            wireframe=wireframe,
-            flat_shading=not wireframe,
-            side="double",
-        )
-        self._nodes[layer].append(node)
+    def _add_lost(self, painted: Sequence[PaintedPalms]) -> None:
+        self._nodes.clear("lost palms")
+        for number, palms in enumerate(painted):
+            path = f"/object/lost/{number}"
+            self._nodes.points("lost palms", path, palms.positions, palms.color)
+        self._legend.visible = bool(painted)
+        self._legend.content = _legend(painted)
 
     def _add_controls(self) -> None:
         gui = self._server.gui
@@ -173,9 +174,11 @@ class GraspPage:
         self._layers = {}
         with gui.add_folder("show"):
             for layer in _LAYERS:
-                box = gui.add_checkbox(layer, True)
+                # one looks at a grasp first, and at what was lost where one asks for it
+                box = gui.add_checkbox(layer, layer != "lost palms" or not self._scene.grasps)
                 box.on_update(lambda _: self._show_layers())
                 self._layers[layer] = box
+        self._legend = gui.add_html("", visible=False)
         self._list = gui.add_markdown("")
         self._order.on_update(lambda _: self._sort())
         self._choice.on_update(lambda _: self._choose())
@@ -183,11 +186,9 @@ class GraspPage:
         play.on_click(lambda _: self._play())
 
     def _show_layers(self) -> None:
-        for layer, nodes in self._nodes.items():
-            for node in nodes:
-                # without a grasp the hand has no place
-                there = layer != "hand" or bool(self._frames)
-                node.visible = self._layers[layer].value and there
+        visible = {layer: bool(box.value) for layer, box in self._layers.items()}
+        visible["hand"] &= bool(self._frames)  # without a grasp it has no place
+        self._nodes.show(visible)
 
     def _sort(self) -> None:
         with self._lock:
@@ -209,9 +210,7 @@ class GraspPage:
     def _choose(self) -> None:
         with self._lock:
             for layer in ("contacts", "weakest direction"):
-                for node in self._nodes[layer]:
-                    node.remove()
-                self._nodes[layer] = []
+                self._nodes.clear(layer)
             if not self._rows or self._choice.value not in self._choice.options:
                 self._frames = ()
                 self._show_layers()
@@ -234,12 +233,12 @@ class GraspPage:
     def _add_contacts(self, grasp: Grasp) -> None:
         contacts = grasp.contacts
         for number, mesh in enumerate(friction_cones(grasp)):
-            self._mesh("contacts", f"/object/part/cone{number}", mesh, _CONTACT)
+            self._nodes.mesh("contacts", f"/object/part/cone{number}", mesh, _CONTACT)
         normals = np.stack(
             [contacts.positions - _ARROW_M * contacts.normals_inward, contacts.positions], axis=1
         )
         if len(normals):
-            self._arrows("contacts", "normals", normals, _NORMAL)
+            self._nodes.arrows("contacts", "/object/part/normals", normals, _NORMAL)
         weakest = self._scene.weakest(grasp)
         if weakest is None:
             return
@@ -248,18 +247,8 @@ class GraspPage:
             ("torque", weakest.torque, _TORQUE),
         ):
             ends = np.stack([weakest.point, weakest.point + _WRENCH_M * vector])
-            self._arrows("weakest direction", name, ends[None], color)
-
-    def _arrows(self, layer: str, name: str, ends: Array, color: Color) -> None:
-        node = self._server.scene.add_arrows(
-            f"/object/part/{name}",
-            ends.astype(np.float32),
-            color,
-            shaft_radius=0.002,
-            head_radius=0.005,
-            head_length=0.012,
-        )
-        self._nodes[layer].append(node)
+            path = f"/object/part/{name}"
+            self._nodes.arrows("weakest direction", path, ends[None], color)
 
     def _move(self) -> None:
         with self._lock:
@@ -269,10 +258,10 @@ class GraspPage:
             self._phase.content = f"phase: **{frame.phase}**"
             with self._server.atomic():
                 for node, T in zip(self._links, self._scene.link_poses(frame), strict=True):
-                    _place(node, T)
-                _place(self._part, frame.T_object_part)
+                    place(node, T)
+                place(self._part, frame.T_object_part)
                 for node, T in zip(self._arm_links, self._scene.arm_poses(frame), strict=False):
-                    _place(node, T)
+                    place(node, T)
 
     def _play(self) -> None:
         if not self._playing.acquire(blocking=False):
@@ -289,7 +278,11 @@ class GraspPage:
             time.sleep(_FRAME_S)
 
 
-def _place(node: Any, T: Array) -> None:
-    position, quat_xyzw = to_position_quat_xyzw(T)
-    node.position = position
-    node.wxyz = quat_xyzw[[3, 0, 1, 2]]
+def _legend(painted: Sequence[PaintedPalms]) -> str:
+    """A line of HTML for each cause."""
+    lines = [
+        f'<div><span style="color: rgb{palms.color}">&#9679;</span> {escape(palms.label)}</div>'
+        for palms in painted
+    ]
+    style = "font-size: 12px; padding: 0 0.75em"
+    return f'<div style="{style}"><b>lost palms</b>, some of each cause{"".join(lines)}</div>'
