@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -22,6 +22,7 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.view.camera import VIEWS, best_view, look_from
+from gpis_grasp_planner.view.legend import with_caption
 from gpis_grasp_planner.view.renderer import Body, Camera, Scene
 from gpis_grasp_planner.view.shapes import ellipsoid
 
@@ -154,7 +155,7 @@ def _render(grasp: GraspView, view: str | ArrayLike, size: tuple[int, int]) -> P
     camera = _camera(solid, len(part), contacts, points, view, size)
     with Scene(solid + markers) as scene:
         pixels = scene.render(camera, *size)
-    return _with_caption(pixels, grasp.caption) if grasp.caption else pixels
+    return with_caption(pixels, grasp.caption) if grasp.caption else pixels
 
 
 def _camera(
@@ -198,12 +199,3 @@ def _arrow(start: Array, direction: Array, length: float, radius: float) -> list
     neck, tip = start + 0.72 * length * direction, start + length * direction
     shaft = convex_hull(np.vstack([start + radius * ring, neck + radius * ring]))
     return [shaft, convex_hull(np.vstack([neck + 2.6 * radius * ring, tip]))]
-
-
-def _with_caption(pixels: Pixels, caption: str) -> Pixels:
-    image = Image.fromarray(pixels)
-    height = max(14, pixels.shape[0] // 26)
-    font = ImageFont.load_default(size=height)
-    margin = height // 2
-    ImageDraw.Draw(image).multiline_text((margin, margin), caption, fill=(30, 30, 35), font=font)
-    return np.asarray(image)
