@@ -1,4 +1,4 @@
-"""Requests answered in this process, by the real parts of a node: what is in an answer, and when."""
+"""Requests answered in this process by the real parts of a node: what is in an answer, and when."""
 
 from __future__ import annotations
 
