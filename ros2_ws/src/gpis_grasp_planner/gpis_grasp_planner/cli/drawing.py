@@ -110,6 +110,7 @@ def save(path: Path, pixels: NDArray[np.uint8]) -> None:
 
 
 def _picture(part: Part, result: PlanResult, grasp: Grasp) -> NDArray[np.uint8]:
+    """The grasp with its support and the way of the palm."""
     from gpis_grasp_planner.view.picture import render_grasp
 
     quality = f"epsilon {grasp.epsilon:.4f}, volume {grasp.volume:.4f}"
@@ -121,7 +122,22 @@ def _picture(part: Part, result: PlanResult, grasp: Grasp) -> NDArray[np.uint8]:
         grasp.contacts,
         size=_SIZE,
         caption=f"{result.mesh_id}: {quality if grasp.feasible else 'no force closure'}",
+        around=_support(part, result),
+        approach=grasp.approach_distance * grasp.approach_direction,
     )
+
+
+def _support(part: Part, result: PlanResult) -> list[TriangleMesh]:
+    """What carries the part, in the part's frame; meshes of obstacles may be elsewhere by now."""
+    from gpis_grasp_planner.surroundings.obstacles import Surroundings
+    from gpis_grasp_planner.surroundings.place import STAND_IN, Place
+    from gpis_grasp_planner.view.grasp_scene import surrounding_meshes
+
+    if result.place is None:
+        return []
+    place = Place.from_mapping(result.place, lambda _source: STAND_IN)
+    carried = Surroundings(support=place.around().support)
+    return list(surrounding_meshes(carried, part.mesh.vertices).values())
 
 
 def best_grasp_drawer(folder: Path) -> Callable[[Part, PlanResult], str]:

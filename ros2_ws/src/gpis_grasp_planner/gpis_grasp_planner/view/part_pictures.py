@@ -16,14 +16,13 @@ from gpis_grasp_planner.view.camera import VIEWS, look_from
 from gpis_grasp_planner.view.grasp_scene import GraspScene
 from gpis_grasp_planner.view.legend import with_caption, with_legend
 from gpis_grasp_planner.view.lost_palm_colors import PaintedPalms, painted_palms
-from gpis_grasp_planner.view.picture import OBJECT_COLOR
+from gpis_grasp_planner.view.picture import AROUND_COLOR, OBJECT_COLOR
 from gpis_grasp_planner.view.renderer import Body, Scene
 from gpis_grasp_planner.view.shapes import ellipsoid
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-_AROUND_COLOR = (0.72, 0.75, 0.72)
 _ANSWERED: tuple[int, int, int] = (20, 160, 70)
 _BALL_SHARE, _BALL_CORNERS = 0.008, 42  # of the picture's diagonal
 _ERROR_BINS = 9
@@ -47,7 +46,7 @@ def lost_palms_picture(
     points = np.vstack([part.vertices, *palms])
     radius = _BALL_SHARE * float(np.linalg.norm(np.ptp(points, axis=0)))
     bodies = [Body(part, OBJECT_COLOR)]
-    bodies += [Body(mesh, _AROUND_COLOR) for mesh in scene.surroundings().values()]
+    bodies += [Body(mesh, AROUND_COLOR) for mesh in scene.surroundings().values()]
     bodies += [
         Body(_balls(positions, radius), _unit_color(palms.color), marker=True)
         for palms, positions in zip(painted, palms, strict=True)
