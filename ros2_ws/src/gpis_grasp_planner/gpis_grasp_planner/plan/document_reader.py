@@ -102,13 +102,19 @@ def parse_document(data: bytes, name: str) -> dict[str, Any]:
             f"{name} is not valid JSON: {error}. Name a document that 'plan --json' wrote.",
             ErrorCode.INVALID_DOCUMENT,
         ) from None
+    check_schema(values, name)
+    document: dict[str, Any] = values
+    return document
+
+
+def check_schema(values: Any, name: str) -> None:
+    """Refuse what is no document, or one of another version; raises as :func:`parse_document`."""
     document = Node(values, "", name)
     if not isinstance(values, dict) or values.get("schema") != SCHEMA:
         raise document.fail(f"an object whose schema is '{SCHEMA}'")
     if values.get("schema_version") != SCHEMA_VERSION:
         found = Node(values.get("schema_version"), "schema_version", name)
         raise found.fail(f"{SCHEMA_VERSION}, the one version this program reads")
-    return values
 
 
 def result_from_dict(
