@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,13 @@ Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6
 _LARGEST = 1e300
+
+
+def are_plain(values: Sequence[Any]) -> bool:
+    """Whether all values are floating-point numbers within the limits of :meth:`Node.number`."""
+    if {*map(type, values)} != {float}:
+        return False
+    return sum(values) == sum(values) and min(values) > -_LARGEST and max(values) < _LARGEST
 
 
 class Node:
@@ -98,8 +105,7 @@ class Node:
         """A list of `n` numbers."""
         value = self.value
         # Nearly all that is read are these: seen at once, without a node for each number.
-        plain = isinstance(value, list) and len(value) == n
-        if plain and all(type(number) is float and abs(number) < _LARGEST for number in value):
+        if isinstance(value, list) and len(value) == n and are_plain(value):
             return np.array(value)
         items = self.list()
         if len(items) != n:

@@ -78,7 +78,7 @@ class GraspPlacing:
         found = self._clearances(grasps)
         if not all(clearance.clear for clearance in found):
             return None
-        return self._lifted(grasps), found
+        return (self._lifted(grasps) if self.constrained else list(grasps)), found
 
     def finished(
         self, grasps: Sequence[Grasp], found: Sequence[Clearance]
