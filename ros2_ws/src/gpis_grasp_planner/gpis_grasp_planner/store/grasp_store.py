@@ -256,6 +256,13 @@ class GraspStore:
         self._trim(connection)
 
     def _trim(self, connection: Connection) -> None:
+        # The contents are less than the pages in use; to add them up takes a look at every plan.
+        pages, free, size = (
+            int(connection.execute(f"PRAGMA {what}").fetchone()[0])
+            for what in ("page_count", "freelist_count", "page_size")
+        )
+        if (pages - free) * size <= self.most_bytes:
+            return
         sql = "SELECT id, length(content) FROM plans ORDER BY used_s"
         sizes = connection.execute(sql).fetchall()
         total = sum(size for _, size in sizes)
