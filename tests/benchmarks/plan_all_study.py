@@ -8,8 +8,8 @@ scaled to a longest side between 40 and 120 mm that is drawn from the seed. Two 
 Cores: some parts by a number of attempts, with one job on one core and with two on two, in turns;
 the ratio of their rates, and whether their plans are the same. Catalogue: all parts at `--seconds`
 each, with `--jobs`; `plan-all` is killed (SIGKILL) three times in the middle and started again,
-the memory of each process is watched, and a plan that was there before a kill must be there after it.
-A study that was ended goes on with the catalogue where it was.
+the memory of each process is watched, and a plan that was there before a kill must be there after
+it. A study that was ended goes on with the catalogue where it was.
 """
 
 from __future__ import annotations
