@@ -78,8 +78,8 @@ def write_cloud(path: Path) -> Path:
 @pytest.mark.parametrize(
     ("words", "library", "extra"),
     [
-        (["plan", "mug", "--picture", "mug.png"], "Open3D and Pillow", "pictures"),
-        (["plan-all", ".", "--report", "report"], "Open3D and Pillow", "pictures"),
+        (["plan", "mug", "--picture", "mug.png"], "Pillow", "pictures"),
+        (["plan-all", ".", "--report", "report"], "Pillow", "pictures"),
         (["plan", "box.step"], "cascadio", "step"),
         (["plan", "ball.xyz", "--unit", "m"], "Open3D", "cloud"),
         (["view", "mug"], "viser", "view"),
