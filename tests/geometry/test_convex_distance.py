@@ -43,12 +43,22 @@ def query(tree, link, R, t, limit=1.0, seed=-1):
     )  # fmt: skip
 
 
-def all_distances(tree, vertices):
-    out = np.empty(len(tree.triangles))
-    p, q = np.empty(3), np.empty(3)
+def all_pairs(tree, vertices):
+    """Distances of all triangles, and the polytope's points (n, 3)."""
+    out, own = np.empty(len(tree.triangles)), np.empty((len(tree.triangles), 3))
+    q = np.empty(3)
     for f, triangle in enumerate(tree.triangles):
-        out[f] = polytope_distance(vertices, triangle, 1e30, np.zeros(3), p, q)
-    return out
+        out[f] = polytope_distance(vertices, triangle, 1e30, np.zeros(3), own[f], q)
+    return out, own
+
+
+def point_distances(tree, point):
+    tiled = np.tile(point, (len(tree.triangles), 1))
+    return np.linalg.norm(trimesh.triangles.closest_point(tree.triangles, tiled) - point, axis=1)
+
+
+def all_distances(tree, vertices):
+    return all_pairs(tree, vertices)[0]
 
 
 def test_equals_brute_force_for_every_limit_and_seed(tree, link, rng):
@@ -105,18 +115,21 @@ def test_near_pairs_are_complete_and_right(tree, link, rng):
     seen = 0
     for R, t in poses(rng, 40):
         vertices = np.ascontiguousarray(link @ R.T + t)
-        brute = all_distances(tree, vertices)
+        brute, own = all_pairs(tree, vertices)
         if brute.min() == 0.0:
             continue
         limit = brute.min() + 0.002
+        near = np.flatnonzero(brute < limit)
+        nearest = np.array([point_distances(tree, point).min() for point in own[near]])
+        brute = brute[near[nearest >= 0.999 * brute[near] - 1e-9]]
         count = near_pairs(
             vertices, R, t, link.min(axis=0), link.max(axis=0), limit,
             tree.triangles, tree.lower, tree.upper, tree.child, p_self, p_other,
         )  # fmt: skip
         gaps = np.linalg.norm(p_self[:count] - p_other[:count], axis=1)
-        np.testing.assert_allclose(np.sort(gaps), np.sort(brute[brute < limit]), atol=1e-10)
+        np.testing.assert_allclose(np.sort(gaps), np.sort(brute), atol=1e-10)
         seen += count
-    assert seen > 100
+    assert seen > 40
 
 
 def test_near_pairs_fill_what_they_are_given_and_no_more(tree, link):
@@ -126,5 +139,58 @@ def test_near_pairs_fill_what_they_are_given_and_no_more(tree, link):
         link + t, R, t, link.min(axis=0), link.max(axis=0), 1.0,
         tree.triangles, tree.lower, tree.upper, tree.child, p_self[:3], p_other[:3],
     )  # fmt: skip
-    assert count == 3
+    assert 1 <= count <= 3
     np.testing.assert_array_equal(p_self[3], 9.0)
+    np.testing.assert_array_less(p_self[:count], 9.0)
+
+
+@pytest.fixture(scope="module")
+def fine_tree(tree):
+    """The same surface in 262,144 triangles."""
+    mesh = trimesh.Trimesh(
+        tree.triangles.reshape(-1, 3), np.arange(3 * len(tree.triangles)).reshape(-1, 3)
+    )
+    for _ in range(4):
+        mesh = mesh.subdivide()
+    return TriangleTree.of(TriangleMesh(mesh.vertices, np.asarray(mesh.faces, np.int32)))
+
+
+def test_finer_triangles_of_the_same_surface_change_no_distance(tree, fine_tree, link, rng):
+    away = 0
+    for R, t in poses(rng, 60):
+        expected = query(tree, link, R, t)
+        away += expected > 0.0
+        for seed in (-1, *map(int, rng.integers(len(fine_tree.triangles), size=3))):
+            d = query(fine_tree, link, R, t, seed=seed)
+            assert d == pytest.approx(expected, abs=1e-9), (R, t, seed)
+            assert (d == 0.0) == (expected == 0.0)
+            assert query(fine_tree, link, R, t, 0.004, seed) == pytest.approx(
+                min(expected, 0.004), abs=1e-9
+            )
+    assert 10 < away < 55
+
+
+def test_pairs_of_a_fine_mesh_are_of_the_whole_contact():
+    """A plate flat on a face of 20,000 small triangles, and 64 rows for their pairs."""
+    side = trimesh.creation.box((0.06, 0.04, 0.01))
+    for _ in range(6):
+        side = side.subdivide()
+    fine = TriangleTree.of(TriangleMesh(side.vertices, np.asarray(side.faces, np.int32)))
+    plate = np.array(
+        [[x, y, z] for x in (-0.02, 0.02) for y in (-0.01, 0.01) for z in (0.0, 0.004)]
+    )
+    R, t = np.eye(3), np.array([0.004, -0.003, 0.0053])
+    p_self, p_other = np.empty((64, 3)), np.empty((64, 3))
+    count = near_pairs(
+        plate + t, R, t, plate.min(axis=0), plate.max(axis=0), 0.001,
+        fine.triangles, fine.lower, fine.upper, fine.child, p_self, p_other,
+    )  # fmt: skip
+    assert 16 < count <= 64
+    gaps = np.linalg.norm(p_self[:count] - p_other[:count], axis=1)
+    assert gaps.max() < 0.001
+    assert gaps.min() == pytest.approx(0.0003, abs=1e-9)
+    # Every point of the plate's lower side has a pair near it.
+    x, y = np.meshgrid(np.linspace(-0.02, 0.02, 41), np.linspace(-0.01, 0.01, 21))
+    under = np.stack([x.ravel() + t[0], y.ravel() + t[1]], axis=1)
+    apart = np.linalg.norm(under[:, None] - p_other[None, :count, :2], axis=2).min(axis=1)
+    assert apart.max() < 0.008

@@ -10,7 +10,13 @@ import numpy as np
 
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.gjk import columns_distance, scratch_of
+from gpis_grasp_planner.geometry.triangle_tree import nearest_point
 from gpis_grasp_planner.lanes import filled, lowest_along
+
+# In a mesh of so many triangles the way to the nearest pair is worth a search of its own.
+_MANY_TRIANGLES = 50_000
+_ROUNDS = 4
+_FIRST_APART = 0.0005  # of pairs that are thinned out [m]
 
 
 @njit(allocates=False)
@@ -112,17 +118,35 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     nx = ny = nz = 0.0
     plane = 0.0
     have_plane = False
+    share = 1.0  # what must be nearer than this share of the best is looked at
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
         plane = lowest_along(columns, n, (nx, ny, nz))[1]
         have_plane = True
+        if triangles.shape[0] > _MANY_TRIANGLES:
+            # From the polytope's point to the mesh's nearest and back: hundreds of small triangles
+            # tie for their boxes, and only a near pair's plane tells them apart.
+            share = 1.0 - 1e-9  # of a flat face all triangles are as near: one is enough
+            for _ in range(_ROUNDS):
+                _, f, _ = nearest_point(p[0], p[1], p[2], best, triangles, lower, upper, child, q)
+                if f < 0:
+                    break
+                _take_triangle(triangles, f, triangle)
+                d = columns_distance(columns, n, triangle, 3, best, direction, p, q, scratch)
+                if d <= 0.0:
+                    return 0.0
+                if d >= best:
+                    break
+                best = d
+                nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
+                plane = lowest_along(columns, n, (nx, ny, nz))[1]
     while top > 0:
         top -= 1
         node = stack[top]
-        if gap_of[top] >= best:
+        if gap_of[top] >= share * best:
             continue
-        if have_plane and plane - _farthest(lower, upper, node, nx, ny, nz) >= best:
+        if have_plane and plane - _farthest(lower, upper, node, nx, ny, nz) >= share * best:
             continue
         if child[node, 0] >= 0:
             a, b = child[node, 0], child[node, 1]
@@ -143,7 +167,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
         first = -1 - child[node, 0]
         for f in range(first, first + child[node, 1]):
             _take_triangle(triangles, f, triangle)
-            if have_plane and plane - _highest(triangle, nx, ny, nz) >= best:
+            if have_plane and plane - _highest(triangle, nx, ny, nz) >= share * best:
                 continue
             d = columns_distance(columns, n, triangle, 3, best, direction, p, q, scratch)
             if d <= 0.0:
@@ -160,10 +184,13 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
 def near_pairs(
     vertices, R, t, box_low, box_high, limit, triangles, lower, upper, child, p_self, p_other
 ):  # type: ignore[no-untyped-def]
-    """Nearest points of a polytope with every triangle nearer than `limit`.
+    """Nearest points of a polytope with the triangles nearer than `limit`, as contacts of bodies.
 
-    Fills rows of `p_self` and `p_other` (k, 3), as many as they hold, and returns the number.
-    Other parameters as for `polytope_mesh`.
+    A triangle has none where its pair's point of the polytope has a nearer point of the mesh: it
+    is a pair of features then. Fills rows of `p_self` and `p_other` (k, 3) and returns the number.
+    Where there are more pairs
+    than rows, those are kept that lie apart on the mesh, so that they are of the whole contact and
+    not of its first corner. Other parameters as for `polytope_mesh`.
     """
     stack = np.empty(64, dtype=np.int64)
     stack[0] = 0
@@ -179,9 +206,14 @@ def near_pairs(
     nx = ny = nz = 0.0
     plane = -np.inf
     nearest = np.inf
+    nearest_row = 0
+    other = np.empty(3)
+    apart = 0.0  # until the rows are full all pairs are kept
     while top > 0:
         top -= 1
         node = stack[top]
+        if apart > 0.0 and _covers(p_other, count, apart, lower[node], upper[node]):
+            continue
         if nearest < limit and plane - _farthest(lower, upper, node, nx, ny, nz) >= limit:
             continue
         if _box_gap(R, t, box_low, box_high, lower, upper, node) >= limit:
@@ -196,16 +228,76 @@ def near_pairs(
             _take_triangle(triangles, f, triangle)
             if nearest < limit and plane - _highest(triangle, nx, ny, nz) >= limit:
                 continue
+            if apart > 0.0 and _covers_triangle(p_other, count, apart, triangle):
+                continue
             d = columns_distance(columns, n, triangle, 3, limit, direction, p, q, scratch)
             if 0.0 < d < limit:
+                if apart > 0.0 and d >= nearest and _covers(p_other, count, apart, q, q):
+                    continue
+                nearer, _, _ = nearest_point(
+                    p[0], p[1], p[2], d * 1.001 + 1e-9, triangles, lower, upper, child, other
+                )
+                if nearer < d * 0.999 - 1e-9:
+                    continue
                 for c in range(3):
                     p_self[count, c] = p[c]
                     p_other[count, c] = q[c]
                 count += 1
-                if count == p_self.shape[0]:
-                    return count
                 if d < nearest:
+                    nearest_row = count - 1
                     nearest = d
                     nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
                     plane = lowest_along(columns, n, (nx, ny, nz))[1]
+            if count == p_self.shape[0]:
+                apart, count = _thinned(p_self, p_other, nearest_row, apart)
+                nearest_row = 0
     return count
+
+
+@njit(allocates=False)
+def _covers(points, n, apart, low, high):  # type: ignore[no-untyped-def]
+    """Whether one of n points is nearer than `apart` to all of a box."""
+    for i in range(n):
+        total = 0.0
+        for c in range(3):
+            reach = max(points[i, c] - low[c], high[c] - points[i, c])
+            total += reach * reach
+        if total < apart * apart:
+            return True
+    return False
+
+
+@njit(allocates=False)
+def _covers_triangle(points, n, apart, triangle):  # type: ignore[no-untyped-def]
+    """Whether one of n points is nearer than `apart` to all of a triangle."""
+    for i in range(n):
+        near = True
+        for k in range(3):
+            total = 0.0
+            for c in range(3):
+                total += (points[i, c] - triangle[k, c]) ** 2
+            near = near and total < apart * apart
+        if near:
+            return True
+    return False
+
+
+@njit(allocates=False)
+def _thinned(p_self, p_other, first, apart):  # type: ignore[no-untyped-def]
+    """Keep at most half of full rows: `first`, and what lies apart; (how far apart, how many)."""
+    for c in range(3):
+        p_self[0, c], p_self[first, c] = p_self[first, c], p_self[0, c]
+        p_other[0, c], p_other[first, c] = p_other[first, c], p_other[0, c]
+    count = p_self.shape[0]
+    while count > p_self.shape[0] // 2:
+        apart = max(2.0 * apart, _FIRST_APART)
+        kept = 1
+        for i in range(1, count):
+            if _covers(p_other, kept, apart, p_other[i], p_other[i]):
+                continue
+            for c in range(3):
+                p_self[kept, c] = p_self[i, c]
+                p_other[kept, c] = p_other[i, c]
+            kept += 1
+        count = kept
+    return apart, count

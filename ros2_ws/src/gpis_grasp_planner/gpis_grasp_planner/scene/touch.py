@@ -34,7 +34,6 @@ def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, ga
     count = 0
     p_self = np.empty((64, 3))
     p_other = np.empty((64, 3))
-    q = np.empty(3)
     for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
         n = piece_in_object_frame(hand, piece, R, t, work)
         k = near_pairs(
@@ -47,12 +46,6 @@ def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, ga
             dz = p_other[i, 2] - p_self[i, 2]
             d = np.sqrt(dx * dx + dy * dy + dz * dz)
             if d < 1e-9 or count >= points.shape[0]:
-                continue
-            nearest, _, _ = nearest_point(
-                p_self[i, 0], p_self[i, 1], p_self[i, 2], d * 1.001 + 1e-9,
-                obj.triangles, obj.lower, obj.upper, obj.child, q,
-            )  # fmt: skip
-            if nearest < d * 0.999 - 1e-9:
                 continue
             for c in range(3):
                 points[count, c] = p_other[i, c]
