@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from gpis_grasp_planner.cli import options
@@ -22,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--index", type=int, default=0, metavar="K", help="row of the table; 0, the default: best"
     )
     parser.add_argument("--picture", type=Path, required=True, metavar="FILE.png")
+    parser.add_argument("--json", action="store_true", help="print what was drawn as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,6 +42,14 @@ def run(arguments: argparse.Namespace) -> int:
         )
     part = options.part_of_document(document, arguments)
     draw_grasp(arguments.picture, part, document.result, grasps[arguments.index])
+    if arguments.json:
+        drawn = {
+            "picture": str(arguments.picture),
+            "mesh_id": document.result.mesh_id,
+            "index": arguments.index,
+            "epsilon": grasps[arguments.index].epsilon,
+        }
+        print(json.dumps(drawn))
     return SUCCESS
 
 
