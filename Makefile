@@ -79,7 +79,7 @@ lock: setup  ## Resolve the dependencies anew (setup.py, benchmark/pyproject.tom
 	@$(LOCKED) --upgrade -o requirements/installer.lock requirements/installer.in
 	@$(LOCKED) --upgrade -o requirements/docs.lock requirements/docs.in
 	@$(LOCKED) --upgrade -o requirements/requirements.lock \
-		--extra step --extra cloud --extra pictures \
+		--extra step --extra cloud --extra pictures --extra cluster \
 		--no-emit-package gpis-grasp-planner ros2_ws/src/gpis_grasp_planner/setup.py \
 		benchmark/pyproject.toml requirements/ros.in requirements/development.in
 

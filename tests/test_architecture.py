@@ -31,7 +31,7 @@ LEVELS = (
     {"plan"},
     {"store"},
     {"view"},
-    {"ros"},
+    {"batch", "ros"},
     {"cli"},
 )
 # Beside the tower: imports only these, and is imported by the searches and what is above them.
@@ -56,9 +56,11 @@ OWNERS = {
     "cascadio": ("geometry/formats/step.py",),
     "manifold3d": (),
     "fast_simplification": ("geometry/simplification.py",),
-    "open3d": ("view/ray_tracer.py", "geometry/cloud/library.py"),
+    "open3d": ("geometry/cloud/library.py",),
     "matplotlib": ("view/",),
     "viser": ("view/page.py",),
+    "distributed": ("batch/cluster.py",),
+    "dask": ("batch/cluster.py",),
     "playwright": (),
     **dict.fromkeys(
         ("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
@@ -172,12 +174,13 @@ def test_no_source_outside_the_package_is_too_long() -> None:
         ("surface/blend.py", "from numba import njit", "compiled.py"),
         ("search/dual.py", "import rclpy.node", "only ros/"),
         ("cli/main.py", "from geometry_msgs.msg import Pose", "only ros/"),
+        ("cli/plan_all.py", "from distributed import Client", "batch/cluster.py"),
         ("scene/closing.py", "def f():\n    import pybullet as p", "bullet_world"),
         ("scene/closing.py", "import importlib\nimportlib.import_module('pybullet')", "bullet_"),
         ("surface/sampling.py", "import trimesh", "only others"),
         ("search/searches.py", "from gpis_grasp_benchmark import rivals", "only others"),
         ("cli/plan.py", "import matplotlib.pyplot as plt", "only view/"),
-        ("ros/node.py", "from open3d import geometry", "only view/"),
+        ("ros/node.py", "from open3d import geometry", "only geometry/cloud"),
         ("utils/misc.py", "import numpy", "place"),
         ("quality/contacts.py", "x = 1\n" * (MAX_LINES + 1), "lines"),
     ],
@@ -230,7 +233,7 @@ def test_the_core_imports_without_ros_and_without_the_heavy_libraries() -> None:
     core = [
         ".".join(["gpis_grasp_planner", *p.relative_to(PACKAGE).with_suffix("").parts])
         for p in package_modules()
-        if folder_of(p.relative_to(PACKAGE).as_posix()) not in {"ros", "view", "cli"}
+        if folder_of(p.relative_to(PACKAGE).as_posix()) not in {"ros", "view", "batch", "cli"}
         and p.name not in {"__init__.py", "__main__.py", "warm_up.py"}
     ]
     program = f"""

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from test_architecture import PACKAGE, imported_names
 
-OPTIONAL = ("cascadio", "coal", "eaik", "matplotlib", "mujoco", "open3d", "PIL", "viser")
+OPTIONAL = (
+    "cascadio", "coal", "distributed", "eaik", "matplotlib", "mujoco", "open3d", "PIL", "viser",
+)  # fmt: skip
 # Distributions whose module has another name.
 MODULES = {"fast-simplification": "fast_simplification", "pillow": "PIL", "PyYAML": "yaml"}
 
@@ -76,11 +78,13 @@ def write_cloud(path: Path) -> Path:
 @pytest.mark.parametrize(
     ("words", "library", "extra"),
     [
-        (["plan", "mug", "--picture", "mug.png"], "Open3D and Pillow", "pictures"),
-        (["plan-all", ".", "--report", "report"], "Open3D and Pillow", "pictures"),
+        (["plan", "mug", "--picture", "mug.png"], "Pillow", "pictures"),
+        (["plan-all", ".", "--report", "report"], "Pillow", "pictures"),
         (["plan", "box.step"], "cascadio", "step"),
         (["plan", "ball.xyz", "--unit", "m"], "Open3D", "cloud"),
         (["view", "mug"], "viser", "view"),
+        (["plan-all", ".", "--scheduler", "tcp://127.0.0.1:1"], "Dask distributed", "cluster"),
+        (["worker", "tcp://127.0.0.1:1"], "Dask distributed", "cluster"),
     ],
 )
 def test_what_needs_an_extra_says_so_in_one_line(

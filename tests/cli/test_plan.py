@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
+from gpis_grasp_planner.cli import options
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
 from gpis_grasp_planner.plan.document import read_document
 
@@ -45,6 +48,28 @@ def test_the_document_says_what_was_asked_for(planned: Path) -> None:
     assert ranks == sorted(ranks, reverse=True)
     assert document["n_evaluations"] >= 192
     assert all(c["friction"] == 0.8 for g in document["grasps"] for c in g["contacts"])
+    phases = document["phase_s"]
+    assert {"reading", "preparing", "searching"} <= set(phases)
+    assert 0.0 < phases["reading"] < sum(phases.values()) <= document["elapsed_s"] + 1e-6
+
+
+def test_reading_counts_and_it_is_said_where_little_was_left_for_the_search(
+    gpis_grasp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = options.find_part
+
+    def find_slowly(*arguments: Any) -> Any:
+        time.sleep(4.0)
+        return read(*arguments)
+
+    monkeypatch.setattr(options, "find_part", find_slowly)
+    file = tmp_path / "sphere.json"
+    answer = gpis_grasp(*("plan", "sphere", "--time", "6", "--verify", "none", "--json", file))
+    assert "note: Reading and preparing the part took" in answer.err
+    assert " s of 6 s; --time " in answer.err
+    document = json.loads(file.read_text())
+    assert document["phase_s"]["reading"] >= 4.0
+    assert document["elapsed_s"] >= 4.0 + document["phase_s"]["searching"]
 
 
 def test_the_picture_is_one(planned: Path) -> None:

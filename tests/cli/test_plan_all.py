@@ -10,9 +10,10 @@ import time
 
 import pytest
 import trimesh
+from clusters import part_under_way
 from terminal_sessions import PROGRAM, environment, in_pipe, in_terminal
 
-from gpis_grasp_planner.cli.catalogue_jobs import Outcome
+from gpis_grasp_planner.batch.outcome import Outcome
 from gpis_grasp_planner.cli.plan_all import progress_text
 from gpis_grasp_planner.plan.document import document_of
 from gpis_grasp_planner.store.grasp_store import GraspStore
@@ -124,7 +125,7 @@ def test_ctrl_c_keeps_what_is_done(tree, path):
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(6.0)
+    part_under_way(process)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30.0)
     assert process.returncode == 130
@@ -149,6 +150,23 @@ def test_without_a_store_it_says_so(gpis_grasp, tree):
     answer = gpis_grasp("plan-all", tree)
     assert answer.code == 1
     assert "store.path=FILE" in answer.err
+
+
+def test_without_a_scheduler_both_commands_say_how_to_start_one(gpis_grasp, tree, monkeypatch):
+    monkeypatch.setattr("gpis_grasp_planner.batch.cluster._CONNECT_S", 1.0)
+    nobody = "tcp://127.0.0.1:9"
+    there = ("--set", f"store.path={tree.parent / 'none.sqlite'}")
+    for words in (("plan-all", tree, "--scheduler", nobody, *there), ("worker", nobody)):
+        answer = gpis_grasp(*words)
+        assert answer.code == 1
+        assert "Start one with 'dask scheduler'" in answer.err
+        assert len(answer.err.splitlines()) == 1
+
+
+def test_jobs_are_for_this_machine(gpis_grasp, tree):
+    answer = gpis_grasp("plan-all", tree, "--scheduler", "tcp://127.0.0.1:9", "--jobs", 2)
+    assert answer.code == 1
+    assert "gpis-grasp worker ADDRESS --jobs N" in answer.err
 
 
 def test_the_progress_counts_by_what_is_planned_now():

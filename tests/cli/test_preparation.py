@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
+
 import numba
 import pytest
 
 from gpis_grasp_planner import compiled
-from gpis_grasp_planner.cli.preparation import COMPILING, ready_to_plan
+from gpis_grasp_planner.cli.preparation import COMPILING, ready_to_plan, timed_reading
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.plan import warm_up
 
@@ -58,3 +60,11 @@ def test_an_unknown_planner_is_refused_before_anything_is_compiled(
     monkeypatch.setattr(warm_up, "warm_up", None)
     with pytest.raises(RequestError, match="nonsense"):
         ready_to_plan("nonsense")
+
+
+def test_reading_is_timed_without_the_loading_before_it() -> None:
+    with timed_reading() as reading:
+        begun = time.monotonic()
+        time.sleep(0.02)
+        least = time.monotonic() - begun
+    assert least <= reading.seconds

@@ -20,7 +20,7 @@ def numbered_poses(n):
 
 @given(st.lists(st.tuples(st.sampled_from(list(AttemptStatus)), st.integers(0, 3), st.booleans())))
 def test_what_is_tallied_are_the_attempts_with_force_closure(made):
-    """For any statuses; blocked ones are counted by whoever blocked them."""
+    """For any statuses; blocked ones are counted by whoever blocked them, untried ones never."""
     n = len(made)
     attempts = Attempts(
         T_object_palm=numbered_poses(n),
@@ -40,7 +40,7 @@ def test_what_is_tallied_are_the_attempts_with_force_closure(made):
     blocked = sum(status is AttemptStatus.BLOCKED for status, _, _ in made)
     tally.lose(Step.CLEAR, "finger", blocked)
     good = sum(status is AttemptStatus.GRASPED and good for status, _, good in made)
-    assert tally.proposed == len(made)
+    assert tally.proposed == sum(status is not AttemptStatus.NOT_TRIED for status, _, _ in made)
     funnel = tally.funnel(Step.CLEAR)
     assert funnel.left(Step.CLEAR) == good
     assert funnel.blocked == ({"finger": blocked} if blocked else {})

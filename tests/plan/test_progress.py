@@ -47,3 +47,23 @@ def test_a_grasp_that_held_is_told_at_once_and_only_once() -> None:
     monitor.update(n_held=1)
     monitor.stopped()
     assert len(told) == 2
+
+
+def test_time_spent_on_reading_counts() -> None:
+    clock = SetClock()
+    clock.now = 100.0
+    monitor = Monitor(10.0, clock=clock, reading_s=4.0)
+    assert monitor.elapsed_s == 4.0
+    assert monitor.left_s == 6.0
+    with monitor.phase(Phase.PREPARING):
+        clock.now = 101.0
+    assert monitor.phase_s == {Phase.READING: 4.0, Phase.PREPARING: 1.0}
+    assert Monitor(10.0, clock=clock).phase_s == {}
+
+
+def test_half_of_the_budget_is_left_after_reading() -> None:
+    clock = SetClock()
+    clock.now = 100.0
+    monitor = Monitor(10.0, clock=clock, reading_s=30.0)
+    assert monitor.elapsed_s == 30.0
+    assert monitor.left_s == 5.0

@@ -1,12 +1,15 @@
-"""Goals and their calls, without a middleware: preemption, cancel, last states."""
+"""Goals and their calls, on a real server that nobody calls: preemption, cancel, last states."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from rclpy.action import CancelResponse
+from rclpy.node import Node
+from real_node import plain_node
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.ros import plan_action
@@ -60,19 +63,41 @@ class Answering:
             response.message = str(error)
 
 
+@pytest.fixture(scope="module")
+def node() -> Iterator[Node]:
+    with plain_node("goals") as made:
+        yield made
+
+
 @pytest.fixture
 def answering() -> Answering:
     return Answering()
 
 
-def action(
-    monkeypatch: pytest.MonkeyPatch, answering: Answering, *, preempt: bool = False
-) -> PlanGraspAction:
-    monkeypatch.setattr(plan_action, "ActionServer", lambda *_args, **_kwargs: None)
+class Actions:
+    """Makes the action on a node, and takes its server away."""
+
+    def __init__(self, node: Node, answering: Answering) -> None:
+        self._node, self._answering = node, answering
+        self._made: list[PlanGraspAction] = []
+
+    def __call__(self, *, preempt: bool = False) -> PlanGraspAction:
+        settings = NodeSettings(preempt_goals=preempt)
+        self._made.append(PlanGraspAction(self._node, self._answering, lambda: settings))  # type: ignore[arg-type]
+        return self._made[-1]
+
+    def destroy(self) -> None:
+        for made in self._made:
+            made._server.destroy()
+            self._node.destroy_timer(made._feedback)
+
+
+@pytest.fixture
+def action(monkeypatch: pytest.MonkeyPatch, node: Node, answering: Answering) -> Iterator[Actions]:
     monkeypatch.setattr(plan_action, "_CANCELLING_S", 0.0)
-    log = SimpleNamespace(warning=lambda _t: None, debug=lambda _t: None)
-    node = SimpleNamespace(get_logger=lambda: log, create_timer=lambda *_a, **_k: None)
-    return PlanGraspAction(node, answering, lambda: NodeSettings(preempt_goals=preempt))  # type: ignore[arg-type]
+    actions = Actions(node, answering)
+    yield actions
+    actions.destroy()
 
 
 @pytest.mark.parametrize(
@@ -80,9 +105,9 @@ def action(
     [(ErrorCode.SUCCESS, "succeeded"), (ErrorCode.BUSY, "aborted")],
 )
 def test_the_last_state_says_how_it_went(
-    monkeypatch: pytest.MonkeyPatch, answering: Answering, code: ErrorCode, state: str
+    action: Actions, answering: Answering, code: ErrorCode, state: str
 ) -> None:
-    made, goal = action(monkeypatch, answering), Goal(1)
+    made, goal = action(), Goal(1)
     answering.code = code
     made._on_accepted(goal)
     assert goal.state == "executing"
@@ -90,10 +115,8 @@ def test_the_last_state_says_how_it_went(
     assert goal.state == state
 
 
-def test_a_cancelled_goal_is_canceled_and_an_ended_one_cannot_be(
-    monkeypatch: pytest.MonkeyPatch, answering: Answering
-) -> None:
-    made, goal = action(monkeypatch, answering), Goal(1)
+def test_a_cancelled_goal_is_canceled_and_an_ended_one_cannot_be(action: Actions) -> None:
+    made, goal = action(), Goal(1)
     made._on_accepted(goal)
     assert made._on_cancel(goal) == CancelResponse.ACCEPT
     goal.is_cancel_requested = True
@@ -103,10 +126,8 @@ def test_a_cancelled_goal_is_canceled_and_an_ended_one_cannot_be(
 
 
 @pytest.mark.parametrize("preempt", [False, True])
-def test_a_newer_goal_preempts_where_that_is_wanted(
-    monkeypatch: pytest.MonkeyPatch, answering: Answering, preempt: bool
-) -> None:
-    made, first, second = action(monkeypatch, answering, preempt=preempt), Goal(1), Goal(2)
+def test_a_newer_goal_preempts_where_that_is_wanted(action: Actions, preempt: bool) -> None:
+    made, first, second = action(preempt=preempt), Goal(1), Goal(2)
     made._on_accepted(first)
     made._on_accepted(second)
     results = [made._execute(goal) for goal in (first, second)]
@@ -117,13 +138,25 @@ def test_a_newer_goal_preempts_where_that_is_wanted(
     assert ("Preempted" in results[0].message) == preempt
 
 
-def test_feedback_goes_to_active_goals_alone(
-    monkeypatch: pytest.MonkeyPatch, answering: Answering
-) -> None:
-    made, active, ended = action(monkeypatch, answering), Goal(1), Goal(2)
+def test_feedback_goes_to_active_goals_alone(action: Actions) -> None:
+    made, active, ended = action(), Goal(1), Goal(2)
     for goal in (active, ended):
         made._on_accepted(goal)
     ended.is_active = False
     made._give_feedback()
     assert [feedback.phase for feedback in active.feedback] == ["waiting"]
     assert ended.feedback == []
+
+
+def test_the_feedback_timer_rests_while_there_is_no_goal(action: Actions) -> None:
+    made, goal = action(), Goal(1)
+    made._give_feedback()
+    assert made._feedback.is_canceled()
+    made._on_accepted(goal)
+    assert not made._feedback.is_canceled()
+    made._give_feedback()
+    assert not made._feedback.is_canceled()
+    made._execute(goal)
+    made._give_feedback()
+    assert made._feedback.is_canceled()
+    assert len(goal.feedback) == 1

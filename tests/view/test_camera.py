@@ -5,7 +5,8 @@ import pytest
 
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.view.camera import VIEWS, best_view, look_from
-from gpis_grasp_planner.view.ray_tracer import Body, Scene
+from gpis_grasp_planner.view.renderer import Body, Scene
+from gpis_grasp_planner.view.shapes import ellipsoid
 
 
 def in_picture(camera, points, aspect):
@@ -44,6 +45,8 @@ def test_best_view_looks_at_the_side_where_the_contact_is():
         [[-0.3 + x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)]
     )
     points = np.vstack([wall.vertices, ball.vertices])
-    scene = Scene([Body(ball, (1.0, 0.5, 0.0)), Body(wall, (0.3, 0.3, 0.3))])
-    camera = best_view(scene, 1, points, np.array([[-0.4, 0.0, 0.0]]), 1.0)
+    bodies = [Body(ball, (1.0, 0.5, 0.0)), Body(wall, (0.3, 0.3, 0.3))]
+    contact = Body(ellipsoid([-0.4, 0.0, 0.0], [0.05] * 3), (1.0, 0.0, 0.0))
+    with Scene([*bodies, contact]) as scene:
+        camera = best_view(scene, 1, 2, 1, points, 1.0)
     assert camera.T_world_camera[0, 3] < -1.0

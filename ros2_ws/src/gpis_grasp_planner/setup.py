@@ -53,10 +53,11 @@ setup(
     extras_require={
         "step": ["cascadio"],  # STEP files
         "cloud": ["open3d"],  # point clouds in place of a mesh
-        "pictures": ["matplotlib", "open3d", "pillow"],  # --picture, reports
+        "pictures": ["matplotlib", "pillow"],  # --picture, reports
         "mujoco": ["mujoco"],  # verification.engine
         "arm": ["coal", "eaik"],  # arm.model
         "view": ["viser"],  # gpis-grasp view
+        "cluster": ["distributed"],  # plan-all --scheduler
     },
     entry_points={
         "console_scripts": [

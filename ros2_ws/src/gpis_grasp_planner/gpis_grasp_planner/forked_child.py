@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Self
 
-from gpis_grasp_planner.errors import SystemFault
+from gpis_grasp_planner.errors import RequestError, SystemFault
 
 _MOST_FILES = 4096
 _PR_SET_PDEATHSIG = 1
@@ -97,6 +97,19 @@ def _run(serve: Callable[[Connection], None], connection: Connection, parent: in
 def usable_cores() -> int:
     """Cores that this process may run on."""
     return len(os.sched_getaffinity(0))
+
+
+def jobs_asked_for(asked: int | None) -> int:
+    """How many things to do at a time: what was asked for, else one for each core.
+
+    Raises
+    ------
+    RequestError
+        For less than one.
+    """
+    if asked is not None and asked < 1:
+        raise RequestError(f"--jobs is {asked}; give at least 1.")
+    return asked or usable_cores()
 
 
 def answer_requests(answer: Callable[[Any], Any], connection: Connection) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
@@ -44,3 +46,29 @@ def draw_grasp(path: Path, part: Part, result: PlanResult, grasp: Grasp) -> None
         path=path,
         caption=f"{result.mesh_id}: {caption}",
     )
+
+
+def best_grasp_drawer(folder: Path) -> Callable[[Part, PlanResult], str]:
+    """Return what draws a part's best grasp into a folder, and says the name of the picture.
+
+    A picture that is there is not drawn again (5 s). The name is empty where there is no grasp, or
+    the folder cannot be written.
+    """
+
+    def draw(part: Part, result: PlanResult) -> str:
+        grasp = result.grasps[0] if result.grasps else result.best_attempt
+        if grasp is None:
+            return ""
+        # A name for this very grasp.
+        of = hashlib.sha256(result.mesh_hash.encode() + grasp.T_object_palm.round(9).tobytes())
+        name = f"{part.mesh_id.replace('/', '__')}-{of.hexdigest()[:12]}.png"
+        if (folder / name).exists():
+            return name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            draw_grasp(folder / name, part, result, grasp)
+        except OSError:
+            return ""
+        return name
+
+    return draw

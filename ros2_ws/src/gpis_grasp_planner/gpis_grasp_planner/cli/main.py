@@ -25,6 +25,7 @@ from gpis_grasp_planner.cli import (
     store,
     verify,
     view,
+    worker,
 )
 from gpis_grasp_planner.cli.exit_codes import ERROR, INTERRUPTED, MEANINGS
 from gpis_grasp_planner.cli.parser import CommandParser, add_common
@@ -33,6 +34,7 @@ from gpis_grasp_planner.errors import GraspPlannerError
 COMMANDS = {
     "plan": plan,
     "plan-all": plan_all,
+    "worker": worker,
     "render": render,
     "verify": verify,
     "view": view,

@@ -70,8 +70,23 @@ def check_drawable() -> None:
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.extras import how_to_install, is_installed
 
-    if not (is_installed("PIL") and is_installed("open3d")):
-        raise RequestError(how_to_install("A picture", "Open3D and Pillow", "pictures"))
+    if not is_installed("PIL"):
+        raise RequestError(how_to_install("A picture", "Pillow", "pictures"))
+
+
+def check_cluster() -> None:
+    """Refuse where the library of a cluster is not installed.
+
+    Raises
+    ------
+    RequestError
+        With the command that installs it.
+    """
+    from gpis_grasp_planner.errors import RequestError
+    from gpis_grasp_planner.extras import how_to_install, is_installed
+
+    if not is_installed("distributed"):
+        raise RequestError(how_to_install("A cluster", "Dask distributed", "cluster"))
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -134,7 +135,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.explain and not to_stdout:
         explain.show(result.funnel)
         explain.show_figures(result)
-    for text in result.notes:
+    for text in (*result.notes, *_short_of_time(result)):
         output.note(f"note: {text}")
     if arguments.picture is not None:
         with StatusLine("drawing"):
@@ -168,8 +169,11 @@ def _plan(
     assignments = constraint_options.with_own(assignments, arguments.constraint_names)
     settings, catalogue_settings = options.read_settings(arguments.settings, assignments)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
+    from gpis_grasp_planner.cli.preparation import ready_to_plan, timed_reading
+
     status.enter("reading")
-    part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
+    with timed_reading() as reading:
+        part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
     scene = place_options.scene_of_file(arguments.scene)
     approach, forbidden = constraint_options.constraints_of(arguments, scene)
     request = PlanRequest(
@@ -185,13 +189,12 @@ def _plan(
     )
     place = place_options.place_of(arguments, part, catalogue)
     status.enter("loading the planner")  # not before the request was found to be good: 2 s
-    from gpis_grasp_planner.cli.preparation import ready_to_plan
     from gpis_grasp_planner.plan.planner import GraspPlanner
     from gpis_grasp_planner.plan.progress import Monitor
 
     ready_to_plan(request.planner, status.note)
     status.enter("preparing")
-    monitor = Monitor(request.time_budget_s, status.show, stopped)
+    monitor = Monitor(request.time_budget_s, status.show, stopped, reading_s=reading.seconds)
     from gpis_grasp_planner.store.answering import answer_with_store
     from gpis_grasp_planner.store.grasp_store import GraspStore
 
@@ -220,6 +223,18 @@ def _show(result: PlanResult) -> None:
     tables.print_text(
         f"{result.evaluations} attempts in {result.elapsed_s:.1f} s; friction "
         f"{result.friction.finger:g} of the fingers, {result.friction.palm:g} of the palm."
+    )
+
+
+def _short_of_time(result: PlanResult) -> tuple[str, ...]:
+    """A note where reading and preparing left less than half of the budget."""
+    before = sum(result.phase_s.get(phase, 0.0) for phase in ("reading", "preparing"))
+    budget = result.request.time_budget_s
+    if before < 0.5 * budget or result.request.max_evaluations is not None:
+        return ()
+    return (
+        f"Reading and preparing the part took {before:.1f} s of {budget:g} s; --time "
+        f"{math.ceil(before + budget):g} leaves the search as much as you gave.",
     )
 
 

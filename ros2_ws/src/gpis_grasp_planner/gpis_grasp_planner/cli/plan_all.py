@@ -9,7 +9,8 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,13 +20,15 @@ from gpis_grasp_planner.cli.interrupt import stop_on_interrupt
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
 
 if TYPE_CHECKING:
-    from gpis_grasp_planner.cli.catalogue_jobs import Outcome, Work
+    from gpis_grasp_planner.batch.catalogue_work import CatalogueWork
+    from gpis_grasp_planner.batch.outcome import Outcome
 
 EXAMPLES = """\
 examples:
   gpis-grasp plan-all parts/ --support lowest
   gpis-grasp plan-all parts/ --jobs 8 --time 20 --report report/
   gpis-grasp plan-all parts/ --evaluations 500 --json summary.json
+  gpis-grasp plan-all parts/ --scheduler tcp://10.0.0.1:8786
 """
 _DEFAULT_TIME_S = 10.0
 _LONGEST_TIME_S = 600.0
@@ -39,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--jobs", type=int, metavar="N", help="parts at a time; default: one for each core"
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="plan on the workers of this Dask scheduler, such as tcp://10.0.0.1:8786",
     )
     parser.add_argument(
         "--time",
@@ -89,15 +97,16 @@ def run(arguments: argparse.Namespace) -> int:
     output.check_writable(arguments.json)
     if arguments.report is not None and not arguments.no_pictures:
         output.check_drawable()
+    jobs = _jobs(arguments)
+    if arguments.scheduler is not None:
+        output.check_cluster()
     work = _work(arguments)
     mesh_ids, refused = work.catalogue.ids(), work.catalogue.refused()
-    if work.pictures is not None:
-        work.pictures.mkdir(parents=True, exist_ok=True)
-    elif arguments.report is not None:
+    if arguments.report is not None:
         arguments.report.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     with stop_on_interrupt(_say) as stopped:
-        found = _all(work, mesh_ids, _jobs(arguments.jobs), stopped)
+        found = _all(work, mesh_ids, jobs, arguments.scheduler, stopped)
         interrupted = stopped()
     spent_s = time.monotonic() - began
     found.sort(key=lambda outcome: outcome.mesh_id)
@@ -142,7 +151,7 @@ def _exit_code(
     return SUCCESS if all(outcome.found for outcome in found) else NO_ANSWER
 
 
-def _work(arguments: argparse.Namespace) -> Work:
+def _work(arguments: argparse.Namespace) -> CatalogueWork:
     from gpis_grasp_planner.errors import RequestError
     from gpis_grasp_planner.geometry.catalogue import MeshCatalogue
     from gpis_grasp_planner.geometry.part import Friction
@@ -170,38 +179,47 @@ def _work(arguments: argparse.Namespace) -> Work:
             "its plans there. Name a file with --set store.path=FILE."
         )
     store.entries()  # before the work: a store that cannot be read raises here
-    from gpis_grasp_planner.cli.catalogue_jobs import Work
+    from gpis_grasp_planner.batch.catalogue_work import CatalogueWork
+    from gpis_grasp_planner.batch.part_planning import PartPlanning
+    from gpis_grasp_planner.cli.drawing import best_grasp_drawer
     from gpis_grasp_planner.cli.preparation import ready_to_plan
     from gpis_grasp_planner.plan.planner import GraspPlanner
     from gpis_grasp_planner.plan.warm_up import load_compiled
 
-    ready_to_plan(request.planner)
-    load_compiled()  # the children inherit it
+    if arguments.scheduler is None:
+        ready_to_plan(request.planner)
+        load_compiled()  # the children inherit it
     drawn = arguments.report is not None and not arguments.no_pictures
-    return Work(
+    return CatalogueWork(
+        PartPlanning(settings, request, on_lowest=arguments.support == "lowest"),
         GraspPlanner(settings),
         store,
         catalogue,
-        request,
-        on_lowest=arguments.support == "lowest",
         again=arguments.again,
-        pictures=arguments.report / "pictures" if drawn else None,
+        draw=best_grasp_drawer(arguments.report / "pictures") if drawn else None,
     )
 
 
-def _jobs(asked: int | None) -> int:
+def _jobs(arguments: argparse.Namespace) -> int:
     from gpis_grasp_planner.errors import RequestError
-    from gpis_grasp_planner.forked_child import usable_cores
+    from gpis_grasp_planner.forked_child import jobs_asked_for
 
-    if asked is not None and asked < 1:
-        raise RequestError(f"--jobs is {asked}; give at least 1.")
-    return asked or usable_cores()
+    if arguments.jobs is not None and arguments.scheduler is not None:
+        raise RequestError(
+            "--jobs is for this machine; with --scheduler each worker has its own "
+            "('gpis-grasp worker ADDRESS --jobs N'). Give one of the two."
+        )
+    return jobs_asked_for(arguments.jobs)
 
 
 def _all(
-    work: Work, mesh_ids: Sequence[str], jobs: int, stopped: Callable[[], bool]
+    work: CatalogueWork,
+    mesh_ids: Sequence[str],
+    jobs: int,
+    scheduler: str | None,
+    stopped: Callable[[], bool],
 ) -> list[Outcome]:
-    from gpis_grasp_planner.cli.catalogue_jobs import outcomes
+    from gpis_grasp_planner.batch.local_jobs import outcomes_here
 
     found: list[Outcome] = []
     began = time.monotonic()
@@ -213,9 +231,25 @@ def _all(
             line = progress_text(found, len(mesh_ids), time.monotonic() - began, running)
             _write(_ERASE + line[:width])
 
-    for outcome in outcomes(work, mesh_ids, jobs, stopped, show):
-        found.append(outcome)
-        show([])
+    def take(outcomes: Iterable[Outcome]) -> None:
+        for outcome in outcomes:
+            found.append(outcome)
+            show([])
+
+    if scheduler is None:
+        take(outcomes_here(work, mesh_ids, jobs, stopped, show))
+    else:
+        from gpis_grasp_planner.batch.cluster import Cluster
+
+        # Pictures are drawn where the report is, of what is kept by then.
+        with Cluster(replace(work, draw=None), scheduler) as cluster:
+            take(cluster.outcomes(mesh_ids, stopped, show))
+        if work.draw is not None:
+            drawn = [outcome.mesh_id for outcome in found if outcome.kept]
+            pictures = {
+                o.mesh_id: o.picture for o in outcomes_here(work, drawn, jobs, stopped, show)
+            }
+            found = [replace(o, picture=pictures.get(o.mesh_id, "")) for o in found]
     if live:
         _write(_ERASE)
     return found
@@ -250,7 +284,7 @@ def _show(
     refused: Sequence[tuple[str, str]],
     left: int,
     spent_s: float,
-    work: Work,
+    work: CatalogueWork,
 ) -> None:
     if found:
         tables.print_table(_columns(found))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 if TYPE_CHECKING:
-    from gpis_grasp_planner.cli.catalogue_jobs import Outcome
+    from gpis_grasp_planner.batch.outcome import Outcome
 
 _STYLE = """\
 body { font-family: sans-serif; margin: 2em; max-width: 75em }

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class AttemptStatus(IntEnum):
-    """How an attempt to grasp ended."""
+    """How an attempt to grasp ended; NOT_TRIED where the time was over before it began."""
 
     GRASPED = 0
     PALM_COLLISION = 1
@@ -32,6 +32,7 @@ class AttemptStatus(IntEnum):
     TOO_FEW_CONTACTS = 3
     NO_WAY_BACK = 4
     BLOCKED = 5
+    NOT_TRIED = 6
 
 
 @dataclass(frozen=True, eq=False)

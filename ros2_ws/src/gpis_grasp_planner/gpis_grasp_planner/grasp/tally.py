@@ -52,8 +52,8 @@ class Tally:
 
         Those whose status is `BLOCKED` are proposals here; whoever blocked them counts the loss.
         """
-        self.proposed += len(attempts)
         status, T = attempts.status, attempts.T_object_palm
+        self.proposed += int(np.count_nonzero(status != AttemptStatus.NOT_TRIED))
         few = status == AttemptStatus.TOO_FEW_CONTACTS
         none = few & (attempts.n_contacts == 0)
         slack = (status == AttemptStatus.GRASPED) & (attempts.epsilon <= 0.0)

@@ -279,7 +279,7 @@ class _SideBySide:
                 if late is not None and late():
                     raise PlanningError(
                         "The time budget ended while the part was prepared, before a grasp was "
-                        "looked for. It goes on being prepared: ask again, with more time.",
+                        "looked for. Ask again with more time; a node goes on preparing it.",
                         ErrorCode.DEADLINE_EXCEEDED,
                     )
                 if on_share is not None:

@@ -71,13 +71,16 @@ class Monitor:
     Parameters
     ----------
     time_budget_s : float [s]
-        Counted from the making of this object.
+        Counted from the making of this object, less `reading_s`.
     on_progress : callable, optional
         Called with a Progress at each new phase and then some ten times a second.
     should_stop : callable, optional
         True once the request is not wanted any more. It is not asked again after that.
     clock : callable
         Seconds, steady.
+    reading_s : float [s]
+        What reading the part took before this object was made. It counts, but half of the budget
+        is left after it: a mesh that took long to read is not refused for that.
 
     Attributes
     ----------
@@ -95,12 +98,14 @@ class Monitor:
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
         clock: Callable[[], float] = time.monotonic,
+        *,
+        reading_s: float = 0.0,
     ):
         self.now = clock
-        self.start = clock()
+        self.start = clock() - reading_s
         self.time_budget_s = time_budget_s
-        self.deadline = self.start + time_budget_s
-        self.phase_s: dict[Phase, float] = {}
+        self.deadline = max(self.start + time_budget_s, clock() + 0.5 * time_budget_s)
+        self.phase_s: dict[Phase, float] = {Phase.READING: reading_s} if reading_s else {}
         self.cancelled = False
         self._on_progress = on_progress
         self._should_stop = should_stop

@@ -12,16 +12,11 @@ import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
-from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
-from gpis_grasp_planner.grasp.evaluator import GraspEvaluator
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.grasp.measured import with_measures
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
-from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
-from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
@@ -34,10 +29,9 @@ from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
+from gpis_grasp_planner.plan.search_evaluator import search_evaluator
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
-from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
-from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
@@ -97,7 +91,12 @@ class PlanRun:
             self.hand, request, place, settings, placing.arm, placing.own
         )
         self._objective = make_objective(settings, part)
-        self._evaluator, self._tally = self._make_evaluator()
+        self._evaluator, self._tally = self._owned.enter_context(
+            search_evaluator(
+                *(part, self.hand, self._friction, settings, prepared),
+                *(self._constraints, self._objective, self._is_over),
+            )
+        )
         self._archive = GraspArchive(part.max_radius, self._objective)
         self._context = PlanningContext(
             part=part,
@@ -186,21 +185,10 @@ class PlanRun:
         """Grasps to finish: more than asked for where their order is not known yet."""
         return self._hold.candidates(self.request.n_grasps)
 
-    def _make_evaluator(self) -> tuple[GraspEvaluator, Tally]:
-        """The search's evaluator, and where it counts what is lost."""
-        scene = self.settings.scene
-        arguments = (
-            self.hand, self.part, self._friction, scene, self._prepared.field, self._prepared.tree
-        )  # fmt: skip
-        if scene.search_evaluator == "bullet":
-            bullet = self._owned.enter_context(BulletEvaluator(*arguments))
-            return bullet, bullet.tally
-        constrained = ConstrainedEvaluator(
-            CompiledEvaluator(*arguments), self.hand, self._constraints, scene.retreat_m
-        )
-        balanced = with_balance(constrained, self.hand, self.part, self.settings)
-        measured = with_measures(balanced, self._objective.measures, self.part, scene.cone_edges)
-        return measured, constrained.tally
+    def _is_over(self) -> bool:
+        """Whether the answer is due, so that not even a begun batch of attempts goes on."""
+        limited = self.request.max_evaluations is not None
+        return self.monitor.stopped() or (not limited and self.monitor.now() >= self._deadline)
 
     def _make_trials(self) -> RunningTrials:
         verification, prepared = self.settings.verification, self._prepared

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from geometry_msgs.msg import Vector3
-from rclpy.node import Node
 
 from gpis_grasp_msgs.msg import MeshInfo, PartGrasps
 from gpis_grasp_msgs.srv import ListMeshes, PlanGrasp, PlanGraspBatch
@@ -27,27 +25,25 @@ class CatalogueServices:
 
     Parameters
     ----------
-    node : Node
     plans : PlanSource
     poses : PoseSource
     answering : GraspAnswering
-    threads : ThreadPoolExecutor
+    requests : RequestReader
         As of `PlanGraspService`.
     """
 
     def __init__(
         self,
-        node: Node,
         plans: PlanSource,
         poses: PoseSource,
         answering: GraspAnswering,
-        threads: ThreadPoolExecutor,
+        requests: RequestReader,
     ) -> None:
         self._plans = plans
         self._poses = poses
         self._answering = answering
-        RequestReader(node, ListMeshes, LIST_SERVICE, self._list, threads)
-        RequestReader(node, PlanGraspBatch, BATCH_SERVICE, self._plan_batch, threads)
+        requests.offer(ListMeshes, LIST_SERVICE, self._list)
+        requests.offer(PlanGraspBatch, BATCH_SERVICE, self._plan_batch)
 
     def _list(self, request: Any, response: Any) -> None:
         call = Call()

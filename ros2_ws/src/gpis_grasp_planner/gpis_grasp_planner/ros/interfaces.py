@@ -46,6 +46,7 @@ class Interfaces:
         self._node = node
         self._threads = ThreadPoolExecutor(n_threads(parameters), "request")
         before = _entities(node)
+        self._requests = RequestReader(node, self._threads)
         try:
             self._make(node, parameters, planning)
         except Exception:
@@ -53,6 +54,7 @@ class Interfaces:
             self.destroy()
             raise
         self._take_note(before)
+        self._requests.start()
         node.get_logger().info(
             f"Ready: service {node.resolve_service_name(SERVICE)}, "
             f"{len(planning.catalogue.ids())} meshes, hand {planning.hand.name}, planning process "
@@ -83,9 +85,9 @@ class Interfaces:
             scenes,
             frames.transform,
         )
-        PlanGraspService(node, self.answering, self._threads)
+        PlanGraspService(node, self.answering, self._requests)
         PlanGraspAction(node, self.answering, lambda: parameters.node)
-        CatalogueServices(node, plans, poses, self.answering, self._threads)
+        CatalogueServices(plans, poses, self.answering, self._requests)
         tracking = Tracking(lambda: parameters.node, self.answering, self._threads)
         poses.on_estimate = tracking.on_estimate
         Diagnostics(
@@ -113,6 +115,7 @@ class Interfaces:
 
         The entities go with the node, or by :meth:`destroy`.
         """
+        self._requests.close()
         drain(self._threads, FAREWELL_S)
 
     def destroy(self) -> None:
@@ -121,8 +124,6 @@ class Interfaces:
         for waitable in self._made["waitable"]:  # others go with their publishers and so on
             if isinstance(waitable, ActionServer):
                 waitable.destroy()
-            elif isinstance(waitable, RequestReader):
-                self._node.remove_waitable(waitable)
         for kind in _KINDS:
             for entity in self._made[kind]:
                 getattr(self._node, f"destroy_{kind}")(entity)

@@ -61,7 +61,7 @@ class PlanGraspAction:
             cancel_service_qos_profile=SERVICE_QOS,
             result_timeout=RESULT_TIMEOUT_S,
         )
-        node.create_timer(
+        self._feedback = node.create_timer(
             FEEDBACK_PERIOD_S, self._give_feedback, callback_group=ReentrantCallbackGroup()
         )
 
@@ -69,6 +69,8 @@ class PlanGraspAction:
         with self._lock:
             earlier = [call for _, call in self._goals.values()]
             self._goals[_key(goal)] = goal, Call()
+            if self._feedback.is_canceled():
+                self._feedback.reset()
         if self._settings().preempt_goals:
             for call in earlier:
                 call.cancel(_PREEMPTED)
@@ -114,6 +116,8 @@ class PlanGraspAction:
     def _give_feedback(self) -> None:
         with self._lock:
             goals = list(self._goals.values())
+            if not goals:  # it does not wake the executor until there is one
+                self._feedback.cancel()
         for goal, call in goals:
             try:
                 if goal.is_active:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -72,17 +71,17 @@ class PlanGraspService:
     ----------
     node : Node
     answering : GraspAnswering
-    threads : ThreadPoolExecutor
+    requests : RequestReader
         With more threads than requests that can wait or be worked on.
     """
 
-    def __init__(self, node: Node, answering: GraspAnswering, threads: ThreadPoolExecutor) -> None:
+    def __init__(self, node: Node, answering: GraspAnswering, requests: RequestReader) -> None:
         self._answering = answering
         self._watch = ClientWatch(
             lambda: node.count_clients(SERVICE) + node.count_clients(KNOWN_SERVICE)
         )
-        RequestReader(node, PlanGrasp, SERVICE, self._plan, threads)
-        RequestReader(node, PlanGrasp, KNOWN_SERVICE, self._known, threads)
+        requests.offer(PlanGrasp, SERVICE, self._plan)
+        requests.offer(PlanGrasp, KNOWN_SERVICE, self._known)
         node.create_timer(CLIENTS_PERIOD_S, self._watch.look)
 
     def _plan(self, request: Any, response: Any) -> None:

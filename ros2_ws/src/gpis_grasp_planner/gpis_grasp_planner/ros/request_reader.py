@@ -1,19 +1,28 @@
-"""Reads all requests of a service that have come, at once, and hands them to threads of its own.
+"""Reads all requests of services that have come, at once, and hands them to threads.
 
 rclpy's executor takes one request of a service in each of its rounds, and the middleware's default
-history keeps ten: of thirty calls at once twenty would be overwritten before anybody saw them.
+history keeps ten: of thirty calls at once twenty would be overwritten before anybody saw them. Its
+rounds cost milliseconds of Python each, too, in a node with as many entities as this one. So the
+services have a thread with a wait set of its own, and the executor does not see them.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import CallbackGroup
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
-from rclpy.waitable import NumberOfEntities, Waitable
+from rclpy.service import Service
+
+from gpis_grasp_planner.ros.text import printable
 
 # Nothing is overwritten: a writer that is too fast waits.
 SERVICE_QOS = QoSProfile(
@@ -21,6 +30,7 @@ SERVICE_QOS = QoSProfile(
     reliability=QoSReliabilityPolicy.RELIABLE,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
+_FOR_EVER_NS = -1
 
 
 class _LeftAlone(CallbackGroup):
@@ -36,78 +46,114 @@ class _LeftAlone(CallbackGroup):
         pass
 
 
-class RequestReader(Waitable):
-    """A service whose requests are answered by threads, in the order in which they came.
+@dataclass(frozen=True)
+class _Offer:
+    """A service and what answers its requests."""
+
+    kind: Any
+    service: Service
+    answer: Callable[[Any, Any], None]
+
+
+class RequestReader:
+    """Services whose requests are answered by threads, begun in the order in which they came.
 
     Parameters
     ----------
     node : Node
-    kind : type
-        Of the service.
-    name : str
-    answer : callable
-        Takes a request and a response, and fills in the latter; must not raise.
     threads : ThreadPoolExecutor
     """
 
-    def __init__(
-        self,
-        node: Node,
-        kind: Any,
-        name: str,
-        answer: Callable[[Any, Any], None],
-        threads: ThreadPoolExecutor,
-    ) -> None:
-        super().__init__(ReentrantCallbackGroup())
-        self._kind = kind
-        self._answer = answer
+    def __init__(self, node: Node, threads: ThreadPoolExecutor) -> None:
+        self._node = node
         self._threads = threads
-        self._is_ready = False
-        self._service = node.create_service(
+        self._offers: list[_Offer] = []
+        self._group = _LeftAlone()
+        self._ending = GuardCondition(None, None, node.context)
+        self._thread = threading.Thread(target=self._read, name="request-reader", daemon=True)
+
+    def offer(self, kind: Any, name: str, answer: Callable[[Any, Any], None]) -> None:
+        """Offer a service; before :meth:`start`.
+
+        Parameters
+        ----------
+        kind : type
+            Of the service.
+        name : str
+        answer : callable
+            Takes a request and a response, and fills in the latter; must not raise.
+        """
+        service = self._node.create_service(
             kind, name, lambda _request, response: response,
-            qos_profile=SERVICE_QOS, callback_group=_LeftAlone(),
+            qos_profile=SERVICE_QOS, callback_group=self._group,
         )  # fmt: skip
-        self._log = node.get_logger()
-        self.callback_group.add_entity(self)
-        node.add_waitable(self)
+        self._offers.append(_Offer(kind, service, answer))
 
-    def _work(self, request: Any, header: Any) -> None:
-        response = self._kind.Response()
+    def start(self) -> None:
+        """Begin to read."""
+        self._node.context.on_shutdown(self._end)  # it does not wake who waits
+        self._thread.start()
+
+    def close(self) -> None:
+        """Read no more; what was read is answered all the same. Idempotent.
+
+        The services go with the node, or by whoever destroys them.
+        """
+        if self._thread.is_alive():
+            self._end()
+            self._thread.join()
+        self._ending.destroy()
+
+    def _end(self) -> None:
+        with suppress(rclpy_implementation.InvalidHandle):
+            self._ending.trigger()
+
+    def _read(self) -> None:
+        """Read until :meth:`close`, or until the context is gone."""
+        context = self._node.context
+        with ExitStack() as in_use:
+            for entity in (self._ending, *(offer.service for offer in self._offers), context):
+                in_use.enter_context(entity.handle)
+            waited = rclpy_implementation.WaitSet(0, 1, 0, 0, len(self._offers), 0, context.handle)
+            while context.ok():
+                waited.clear_entities()
+                waited.add_guard_condition(self._ending.handle)
+                for offer in self._offers:
+                    waited.add_service(offer.service.handle)
+                try:
+                    waited.wait(_FOR_EVER_NS)
+                except rclpy_implementation.RCLError:
+                    if context.ok():
+                        raise
+                    return
+                if waited.get_ready_entities("guard_condition"):
+                    return
+                for offer in self._offers:
+                    self._take(offer)
+
+    def _take(self, offer: _Offer) -> None:
+        """Hand over all requests of a service that have come."""
+        take, kind = offer.service.handle.service_take_request, offer.kind.Request
+        while True:
+            try:
+                request, header = take(kind)
+            except Exception as error:  # what does not fit the type: the others are still read
+                self._warn("A request was not read", error)
+                return
+            if header is None:
+                return
+            try:
+                self._threads.submit(self._work, offer, request, header)
+            except RuntimeError:  # the node ends
+                return
+
+    def _work(self, offer: _Offer, request: Any, header: Any) -> None:
+        response = offer.kind.Response()
         try:
-            self._answer(request, response)
-            self._service.send_response(response, header)
+            offer.answer(request, response)
+            offer.service.send_response(response, header)
         except Exception as error:  # the client went away, or the node ends
-            self._log.warning(f"An answer was not sent: {error!r:.200}")
+            self._warn("An answer was not sent", error)
 
-    # What rclpy's executor asks of a waitable.
-
-    def is_ready(self, wait_set: Any) -> bool:
-        """Whether a request has come."""
-        handle = self._service.handle
-        self._is_ready = handle.pointer in wait_set.get_ready_entities("service")
-        return self._is_ready
-
-    def take_data(self) -> list[tuple[Any, Any]]:
-        """Take all requests that have come: pairs of a request and its header."""
-        taken: list[tuple[Any, Any]] = []
-        handle = self._service.handle
-        with handle:
-            while True:
-                request, header = handle.service_take_request(self._kind.Request)
-                if header is None:
-                    return taken
-                taken.append((request, header))
-
-    async def execute(self, taken_data: list[tuple[Any, Any]]) -> None:
-        """Hand the requests over."""
-        for request, header in taken_data:
-            self._threads.submit(self._work, request, header)
-
-    def get_num_entities(self) -> NumberOfEntities:
-        """One service."""
-        return NumberOfEntities(num_services=1)
-
-    def add_to_wait_set(self, wait_set: Any) -> None:
-        """Wait for the service."""
-        with self._service.handle:
-            wait_set.add_service(self._service.handle)
+    def _warn(self, what: str, error: Exception) -> None:
+        self._node.get_logger().warning(f"{what}: {printable(repr(error), 200)}")

@@ -7,6 +7,7 @@ to 1 ms an attempt on one core.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
-from gpis_grasp_planner.grasp.evaluator import Attempts, Postures
+from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus, Postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.preshape import spread_of
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 _DIRECTIONS = 256
 _STARTS = 5
 _STARTS_OF_GOOD = 20
+_PIECE = 16  # hands between two looks at the clock: some 16 ms
 
 
 class CompiledEvaluator:
@@ -49,6 +51,9 @@ class CompiledEvaluator:
     settings : SceneSettings
     field, tree : DistanceField, TriangleTree, optional
         Made from the mesh if not given.
+    ended : callable, optional
+        True once no further hand is to be closed: the rest of a batch is `NOT_TRIED` then. Asked
+        every 16 hands; the first 16 are always closed.
     """
 
     def __init__(
@@ -59,6 +64,7 @@ class CompiledEvaluator:
         settings: SceneSettings,
         field: DistanceField | None = None,
         tree: TriangleTree | None = None,
+        ended: Callable[[], bool] = lambda: False,
     ):
         self.hand = hand
         self._friction = friction
@@ -68,6 +74,7 @@ class CompiledEvaluator:
         self._hand = hand_arrays(hand)
         self._object = object_arrays(part, friction, self.field, self.tree)
         self._directions = start_directions(_DIRECTIONS)
+        self._ended = ended
         self._n_attempts = 0
         self._n_states = 0
 
@@ -91,8 +98,9 @@ class CompiledEvaluator:
         T = self._own(T_object_palm)
         spread = np.ascontiguousarray(spread, dtype=float)
         result = self._attempts(T, spread)
-        attempt_many(self._hand, self._object, T, spread, *self._measures(result))
-        self._n_attempts += len(T)
+        for piece in self._pieces(result):
+            measures = self._measures(result, piece)
+            attempt_many(self._hand, self._object, T[piece], spread[piece], *measures)
         return result
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
@@ -143,8 +151,9 @@ class CompiledEvaluator:
         T = self._own(T_object_palm)
         start = np.ascontiguousarray(joints, dtype=float)
         result = self._attempts(T, spread_of(self.hand, start), start)
-        attempt_many_from(self._hand, self._object, T, start, True, *self._measures(result))
-        self._n_attempts += len(T)
+        for piece in self._pieces(result):
+            measures = self._measures(result, piece)
+            attempt_many_from(self._hand, self._object, T[piece], start[piece], True, *measures)
         return result
 
     def approach(
@@ -206,8 +215,18 @@ class CompiledEvaluator:
             start_joints=start,
         )
 
-    def _measures(self, result: Attempts) -> tuple[Any, ...]:
-        """The kernel's arguments after hand, object, poses and postures."""
+    def _pieces(self, result: Attempts) -> Iterator[slice]:
+        """Rows to try, until all are tried or the time is over."""
+        for start in range(0, len(result), _PIECE):
+            if start and self._ended():
+                result.status[start:] = AttemptStatus.NOT_TRIED
+                return
+            piece = slice(start, min(start + _PIECE, len(result)))
+            yield piece
+            self._n_attempts += piece.stop - piece.start
+
+    def _measures(self, result: Attempts, rows: slice) -> tuple[Any, ...]:
+        """The kernel's arguments after hand, object, poses and postures, of some rows."""
         return (
             self.settings.closing_gap_m,
             self.settings.contact_threshold_m,
@@ -216,13 +235,13 @@ class CompiledEvaluator:
             self._directions,
             _STARTS,
             _STARTS_OF_GOOD,
-            result.status,
-            result.n_contacts,
-            result.epsilon,
-            result.volume,
-            result.joints,
-            result.positions,
-            result.normals_inward,
-            result.friction,
-            result.links,
+            result.status[rows],
+            result.n_contacts[rows],
+            result.epsilon[rows],
+            result.volume[rows],
+            result.joints[rows],
+            result.positions[rows],
+            result.normals_inward[rows],
+            result.friction[rows],
+            result.links[rows],
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpis_grasp_planner.geometry.transforms import transform
-from gpis_grasp_planner.view.ray_tracer import Camera, Scene
+from gpis_grasp_planner.view.renderer import Camera, Scene
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ VIEWS = {
 
 _MARGIN = 1.06
 _FOV_DEG = 28.0
+_LOOK_HEIGHT = 96  # pixels
 
 
 def look_from(direction: ArrayLike, points: Array, aspect: float) -> Camera:
@@ -51,22 +52,21 @@ def look_from(direction: ArrayLike, points: Array, aspect: float) -> Camera:
 
 
 def best_view(
-    scene: Scene, n_part: int, points: Array, contact_points: Array, aspect: float
+    scene: Scene, n_part: int, n_solid: int, n_contacts: int, points: Array, aspect: float
 ) -> Camera:
     """The camera, of a ring of directions, that shows most of part, hand and contacts.
 
     Parameters
     ----------
     scene : Scene
-        Its first `n_part` solid bodies are the part, the others the hand.
+        Its first `n_part` bodies are the part, those up to `n_solid` the hand, and `n_contacts`
+        balls at the contacts come last. None is a marker.
     points : (n, 3) array [m]
         What must be in the picture.
-    contact_points : (k, 3) array [m]
     aspect : float
         Width over height.
     """
-    width, height = round(72 * aspect), 72
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    width, height = round(_LOOK_HEIGHT * aspect), _LOOK_HEIGHT
     best_score, best_camera = -np.inf, look_from(VIEWS["iso"], points, aspect)
     for elevation_deg in (-15.0, 15.0, 32.0, 48.0):
         for azimuth in np.radians(np.arange(0.0, 360.0, 22.5) - 60.0):
@@ -76,12 +76,12 @@ def best_view(
             camera = look_from(direction, points, aspect)
             body = scene.coverage(camera, width, height)
             part = np.count_nonzero((body >= 0) & (body < n_part)) / body.size
-            pieces = np.unique(body[body >= n_part], return_counts=True)[1]
+            of_hand = body[(body >= n_part) & (body < n_solid)]
+            pieces = np.unique(of_hand, return_counts=True)[1]
             hand = np.minimum(pieces / body.size, 0.015).sum()  # many pieces, not one large
             score = hand * (np.sqrt(part) if n_part else 1.0)
-            if len(contact_points):
-                # Contacts lie between two bodies: seen within 2 % of the scene is seen.
-                score *= 0.5 + scene.visible(camera, contact_points, 0.02 * size).mean()
+            if n_contacts:
+                score *= 0.5 + len(np.unique(body[body >= n_solid])) / n_contacts
             if elevation_deg < 0.0:
                 score *= 0.85  # people look at things from above
             if score > best_score:

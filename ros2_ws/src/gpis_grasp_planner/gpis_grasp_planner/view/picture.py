@@ -22,7 +22,7 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.view.camera import VIEWS, best_view, look_from
-from gpis_grasp_planner.view.ray_tracer import Body, Camera, Scene
+from gpis_grasp_planner.view.renderer import Body, Camera, Scene
 from gpis_grasp_planner.view.shapes import ellipsoid
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def render_grasp(
     Returns
     -------
     pixels : (height, width, 3) uint8 array
-        The same input gives the same pixels. About 3 s at the default size on one core.
+        The same input gives the same pixels.
 
     Raises
     ------
@@ -147,27 +147,33 @@ def hand_bodies(hand: HandDescription, T_object_palm: Array, joints: Array) -> l
 
 def _render(grasp: GraspView, view: str | ArrayLike, size: tuple[int, int]) -> Pixels:
     part = [] if grasp.mesh is None else [Body(grasp.mesh, OBJECT_COLOR)]
-    hand = hand_bodies(grasp.hand, grasp.T_object_palm, grasp.joints)
-    solid = Scene(part + hand)
-    points = np.vstack([body.mesh.vertices for body in part + hand])
+    solid = part + hand_bodies(grasp.hand, grasp.T_object_palm, grasp.joints)
     contacts = Contacts.none() if grasp.contacts is None else grasp.contacts
-    camera = _camera(solid, len(part), points, contacts, view, size)
+    points = np.vstack([body.mesh.vertices for body in solid])
     markers = _contact_markers(contacts, float(np.linalg.norm(np.ptp(points, axis=0))))
-    pixels = Scene(part + hand + markers).render(camera, *size)
+    camera = _camera(solid, len(part), contacts, points, view, size)
+    with Scene(solid + markers) as scene:
+        pixels = scene.render(camera, *size)
     return _with_caption(pixels, grasp.caption) if grasp.caption else pixels
 
 
 def _camera(
-    solid: Scene,
+    solid: list[Body],
     n_part: int,
-    points: Array,
     contacts: Contacts,
+    points: Array,
     view: str | ArrayLike,
     size: tuple[int, int],
 ) -> Camera:
     aspect = size[0] / size[1]
     if isinstance(view, str) and view == "auto":
-        return best_view(solid, n_part, points, contacts.positions, aspect)
+        radius = 0.012 * float(np.linalg.norm(np.ptp(points, axis=0)))
+        balls = [
+            Body(ellipsoid(position, np.full(3, radius), _BALL_CORNERS), CONTACT_COLOR)
+            for position in contacts.positions
+        ]
+        with Scene(solid + balls) as scene:
+            return best_view(scene, n_part, len(solid), len(balls), points, aspect)
     if isinstance(view, str) and view not in VIEWS:
         raise RequestError(f"View is '{view}'; choose auto, {', '.join(VIEWS)} or a direction.")
     direction = VIEWS[view] if isinstance(view, str) else np.asarray(view, dtype=float)

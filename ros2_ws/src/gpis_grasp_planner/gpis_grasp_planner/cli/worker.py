@@ -1,0 +1,37 @@
+"""Plan parts for 'plan-all' of another machine, through a Dask scheduler."""
+
+from __future__ import annotations
+
+import argparse
+
+from gpis_grasp_planner.cli import output
+from gpis_grasp_planner.cli.exit_codes import SUCCESS
+
+EXAMPLES = """\
+examples:
+  gpis-grasp worker tcp://10.0.0.1:8786
+  gpis-grasp worker tcp://10.0.0.1:8786 --jobs 4
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of 'worker'."""
+    parser.add_argument("scheduler", metavar="ADDRESS", help="such as tcp://10.0.0.1:8786")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="parts at a time; default: one for each core"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve until Ctrl-C, SIGTERM or the end of the scheduler."""
+    from gpis_grasp_planner.cli.preparation import ready_to_plan
+    from gpis_grasp_planner.forked_child import jobs_asked_for
+    from gpis_grasp_planner.plan.request import PlanRequest
+
+    output.check_cluster()
+    jobs = jobs_asked_for(arguments.jobs)
+    ready_to_plan(PlanRequest().planner)
+    from gpis_grasp_planner.batch.cluster import serve_worker
+
+    serve_worker(arguments.scheduler, jobs, output.note)
+    return SUCCESS

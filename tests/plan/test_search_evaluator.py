@@ -1,0 +1,38 @@
+"""What a search closes hands with, by the settings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.part import Friction
+from gpis_grasp_planner.grasp.evaluator import AttemptStatus, PostureEvaluator
+from gpis_grasp_planner.grasp.funnel import Step
+from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.plan.objective import make_objective
+from gpis_grasp_planner.plan.planner import GraspPlanner
+from gpis_grasp_planner.plan.search_evaluator import search_evaluator
+from gpis_grasp_planner.plan.settings import PlannerSettings
+
+
+@pytest.mark.parametrize("kind", ["compiled", "bullet"])
+@pytest.mark.parametrize("over", [False, True])
+def test_it_counts_what_it_is_given_and_ends_with_the_time(kind: str, over: bool) -> None:
+    part = MeshCatalogue([default_catalogue_directory()]).load("sphere")
+    settings = PlannerSettings.from_mapping({"scene": {"search_evaluator": kind}})
+    prepared = GraspPlanner(settings).prepare(part)
+    made = search_evaluator(
+        *(part, load_hand(), Friction(0.6, 0.6), settings, prepared),
+        *((), make_objective(settings, part), lambda: over),
+    )
+    T = np.tile(np.eye(4), (40, 1, 1))
+    T[:, 2, 3] = -0.12  # the palm's face looks at the ball
+    with made as (evaluator, tally):
+        assert isinstance(evaluator, PostureEvaluator) == (kind == "compiled")
+        found = evaluator.attempt(T, np.linspace(0.0, 1.0, 40))
+        tried = 16 if over and kind == "compiled" else 40
+        assert evaluator.n_attempts == tried
+        assert tally.funnel(Step.CLEAR).proposed == tried
+    assert (found.status[:tried] != AttemptStatus.NOT_TRIED).all()
+    assert (found.epsilon > 0.0).any()
