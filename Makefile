@@ -3,7 +3,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
 DOCS_ENV := $(PWD)/out/docs/env
-.PHONY: help setup docs demo demo-cell soak faults fuzz browser test coverage audit lint format benchmark lock clean
+.PHONY: help setup docs demo demo-cell soak faults fuzz browser test coverage audit lint format benchmark bench lock clean
 
 # In the workspace's environment: virtual environment, ROS 2, the built ros2_ws.
 RUN := source scripts/env.sh &&
@@ -74,6 +74,9 @@ benchmark: setup  ## List the benchmarks, with the command of each
 		echo "  source scripts/env.sh && python $$file"; \
 		sed -n '1s/^"""/      /p' "$$file" | tr -d '"'; \
 	done
+
+bench: setup  ## Benchmarks of each stage, with ratios against the former version (10 min)
+	@$(RUN) python tests/benchmarks/bench.py $(BENCH_ARGS)
 
 lock: setup  ## Resolve the dependencies anew (setup.py, benchmark/pyproject.toml, requirements/*.in)
 	@$(LOCKED) --upgrade -o requirements/installer.lock requirements/installer.in

@@ -235,11 +235,13 @@ def show_messages(console: Console, controller: Controller) -> None:
 
 
 def draw(grasp: Grasp, path: Path) -> None:
-    """Draw the hand on the mug, from the message alone and the mesh."""
+    """Draw the hand on the mug on the table, from the message alone and the mesh."""
     from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
     from gpis_grasp_planner.geometry.transforms import apply, from_position_quat_xyzw, inverse
     from gpis_grasp_planner.hand.description import load_hand
     from gpis_grasp_planner.quality.contacts import Contacts
+    from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
+    from gpis_grasp_planner.view.grasp_scene import surrounding_meshes
     from gpis_grasp_planner.view.picture import render_grasp
 
     hand = load_hand()
@@ -257,6 +259,10 @@ def draw(grasp: Grasp, path: Path) -> None:
         np.array([c.friction for c in grasp.contacts]),
         np.array([hand.link_names.index(c.link) for c in grasp.contacts]),
     )
+    table = Surroundings(
+        support=SupportPlane(np.array([*POSITION[:2], TABLE_HEIGHT_M]), np.array([0.0, 0.0, 1.0]))
+    ).moved(T_object_base)
+    d = grasp.approach_direction.vector
     path.parent.mkdir(parents=True, exist_ok=True)
     render_grasp(
         part.mesh,
@@ -266,6 +272,8 @@ def draw(grasp: Grasp, path: Path) -> None:
         contacts,
         path=path,
         caption=f"{MESH_ID}: epsilon {grasp.epsilon:.3f}, volume {grasp.volume:.4f}",
+        around=list(surrounding_meshes(table, part.mesh.vertices).values()),
+        approach=grasp.approach_distance * T_object_base[:3, :3] @ np.array([d.x, d.y, d.z]),
     )
 
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import runpy
+import shutil
+import warnings
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import inverse, transform
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
-from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.hand.link_mesh import read_stl
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 
@@ -45,3 +50,41 @@ def assert_files_are_as_written(hand: HandDescription, directory: Path, n_files:
         else:  # hulls may list their faces in another order on another SciPy
             fresh, kept = read_stl(directory / name), read_stl(folder / name)
             np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
+
+
+def turned_copy(name: str, Q: np.ndarray, directory: Path) -> HandDescription:
+    """A hand of ours whose root link is drawn in a frame that is turned by Q (3, 3).
+
+    What stood at x in the root's frame stands at Q x; the palm's axis is then Q z.
+    """
+    folder = load_hand(name).yaml_path.parent
+    shutil.copytree(folder, directory)
+    data = yaml.safe_load((directory / f"{name}.yaml").read_text())
+    robot = ET.parse(directory / data["urdf"])
+    for element in _of_root(robot.getroot(), data["palm_link"]):
+        origin = element.find("origin")
+        if origin is None:
+            origin = ET.SubElement(element, "origin")
+        xyz = np.array(origin.get("xyz", "0 0 0").split(), dtype=float)
+        rpy = np.array(origin.get("rpy", "0 0 0").split(), dtype=float)
+        turned = Rotation.from_matrix(Q) * Rotation.from_euler("xyz", rpy)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # straight up or down: any of the many will do
+            angles = turned.as_euler("xyz")
+        for key, values in (("xyz", Q @ xyz), ("rpy", angles)):
+            origin.set(key, " ".join(repr(float(value)) for value in values))
+    robot.write(directory / data["urdf"])
+    data["palm_axis"] = (Q @ [0.0, 0.0, 1.0]).tolist()
+    for wanted in data["desired_contacts"]["palm"]:
+        for key in ("point_mm", "normal"):
+            wanted[key] = (Q @ wanted[key]).tolist()
+    path = directory / f"{name}.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return load_hand(str(path))
+
+
+def _of_root(robot: ET.Element, root: str) -> list[ET.Element]:
+    """What a URDF places in its root link's frame."""
+    [link] = [link for link in robot.findall("link") if link.get("name") == root]
+    shapes = [*link.findall("visual"), *link.findall("collision")]
+    return [*shapes, *(j for j in robot.findall("joint") if j.find("parent").get("link") == root)]

@@ -20,6 +20,7 @@ LEVELS = (
     {"errors", "whole_file", "packed_arrays", "thread_limits"},
     {"compiled_cache"},
     {"compiled"},
+    {"lanes"},
     {"settings", "forked_child", "extras", "registered"},
     {"disk_cache"},
     {"geometry"},
@@ -41,7 +42,8 @@ OPTIMISE_USERS = set[str]().union(*LEVELS[LEVELS.index({"scene", "surroundings",
 
 # Libraries that only one place of the package may import.
 OWNERS = {
-    "numba": ("compiled.py",),
+    "numba": ("compiled.py", "lanes.py"),
+    "llvmlite": ("lanes.py",),
     "rclpy": ("ros/",),
     "pybullet": ("scene/bullet_world.py",),
     "pybullet_data": ("scene/bullet_world.py",),

@@ -29,6 +29,7 @@ from typing import Any
 # Stage, module, and what is timed there; of a version that has no such thing the stage is missing.
 STAGES = (
     ("read a mesh file", "geometry.catalogue", "MeshCatalogue.load"),
+    ("judge the mesh", "geometry.defects", "judge"),
     ("surface (GPIS)", "plan.preparation", "fit_part"),
     ("distance field", "geometry.distance_field", "DistanceField.of"),
     ("triangle tree", "geometry.triangle_tree", "TriangleTree.of"),
@@ -46,7 +47,7 @@ STAGES = (
     ("cover by convex pieces", "verification.convex_cover", "ConvexCover.add"),
     ("trial in physics", "verification.protocol", "Verifier.verify"),
 )
-_WHOLE = "the rest"
+WHOLE = "the rest"
 _N_TRIED = 5
 
 
@@ -122,7 +123,7 @@ def measure(part_id: str, attempts: int) -> dict[str, float]:
                 verifier.verify(grasp)
         return int(result.evaluations)
 
-    made = account.timed(_WHOLE, work)()
+    made = account.timed(WHOLE, work)()
     return {**account.spent, "attempts": float(made)}
 
 
@@ -157,7 +158,7 @@ def least(runs: list[dict[str, float]]) -> dict[str, float]:
 
 def table(now: list[dict[str, float]], former: list[dict[str, float]]) -> list[str]:
     """Markdown: milliseconds in the mean of the parts, shares, and former over now."""
-    names = [*dict.fromkeys(stage for stage, *_ in STAGES), _WHOLE]
+    names = [*dict.fromkeys(stage for stage, *_ in STAGES), WHOLE]
     total = sum(one.get(name, 0.0) for one in now for name in names)
     head = ["| stage | ms | share |", "|---|---|---|"]
     if former:

@@ -34,8 +34,8 @@ def test_help_of_every_command(gpis_grasp, name: str) -> None:
     assert answer.err == ""
 
 
-@pytest.mark.parametrize("name", command.COMMANDS)
-def test_every_command_speaks_json(gpis_grasp, name: str) -> None:
+@pytest.mark.parametrize("name", sorted(set(command.COMMANDS) - {"worker"}))
+def test_every_command_that_makes_something_speaks_json(gpis_grasp, name: str) -> None:
     assert "--json" in gpis_grasp(name, "--help").out
 
 

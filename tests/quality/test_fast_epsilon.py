@@ -12,8 +12,7 @@ STARTS, STARTS_OF_GOOD, GOOD = 5, 20, 0.01
 
 
 def evaluators_epsilon(W):
-    epsilon = fast_epsilon(W, DIRECTIONS, STARTS)
-    return fast_epsilon(W, DIRECTIONS, STARTS_OF_GOOD) if epsilon > GOOD else epsilon
+    return fast_epsilon(W, DIRECTIONS, STARTS, STARTS_OF_GOOD - STARTS, GOOD)
 
 
 def wrenches(contacts):
@@ -36,6 +35,18 @@ def test_upper_bound_always_exact_nearly_always_and_the_verdict_agrees(random_gr
     print(f"{exact_ones} of {total} exact, {closed} closed")
     assert closed > 30
     assert total - exact_ones <= 0.01 * total
+
+
+def test_more_starts_for_the_good_are_those_of_more_starts_at_once(random_grasps):
+    good = 0
+    for contacts in random_grasps(40):
+        # a number of edges that does not fill the lanes
+        W = contact_wrenches(contacts, np.zeros(3), 1.0, 5)
+        few = fast_epsilon(W, DIRECTIONS, STARTS)
+        expected = fast_epsilon(W, DIRECTIONS, STARTS_OF_GOOD) if few > GOOD else few
+        assert evaluators_epsilon(W) == expected
+        good += few > GOOD
+    assert good > 5
 
 
 def test_one_start_already_bounds_from_above_and_more_starts_never_raise_it(random_grasps):

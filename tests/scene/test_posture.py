@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gpis_grasp_planner.geometry.gjk import polytope_distance
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.scene.arrays import hand_arrays
 from gpis_grasp_planner.scene.posture import (
+    boxes_apart,
     coarse_gap,
     exact_gap,
+    far_from_field,
     finger_meets_hand,
     overlaps,
     place_hand,
@@ -68,6 +71,47 @@ def test_exact_gap_is_the_distance_up_to_its_limit(scene, name, rng):
             assert least <= max(expected, 0.0)
             kinds[0 if expected <= 0 else 1 if expected < 0.03 else 2] += 1
     assert kinds.min() > 5
+
+
+def test_a_link_that_is_passed_over_has_no_probe_inside(scene, rng):
+    s = scene("mug")
+    hand, obj = s.evaluator._hand, s.evaluator._object
+    far = near = 0
+    for T in poses_near(s, 60, rng):
+        R, t = placed(s.hand, random_joints(s.hand, rng), T)
+        for link in range(s.hand.n_links):
+            if far_from_field(hand, obj, link, R, t):
+                assert coarse_gap(hand, obj, link, R, t) > 0.0
+                far += 1
+            else:
+                near += 1
+    assert min(far, near) > 30
+
+
+def test_boxes_tell_pieces_apart_only_where_they_are(scene, rng):
+    s = scene("box")
+    hand = s.evaluator._hand
+    told = not_told = 0
+    for _ in range(20):
+        q = random_joints(s.hand, rng)
+        R, t = placed(s.hand, q, np.eye(4))
+        placed_pieces = []
+        for piece, link in enumerate(hand.piece_link):
+            corners = hand.piece_vertices[hand.piece_start[piece] : hand.piece_start[piece + 1]]
+            placed_pieces.append(np.ascontiguousarray(corners @ R[link].T + t[link]))
+        p, other = np.empty(3), np.empty(3)
+        for a in range(len(placed_pieces)):
+            for b in range(a):
+                d = polytope_distance(
+                    placed_pieces[a], placed_pieces[b], 1.0, np.zeros(3), p, other
+                )
+                for limit in (1e-6, 0.01):
+                    if boxes_apart(hand, a, b, R, t, limit):
+                        assert d > limit
+                        told += 1
+                    else:
+                        not_told += d > limit
+    assert told > 4 * not_told
 
 
 def test_fingers_that_meet_are_found(scene, rng):

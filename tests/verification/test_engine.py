@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import inverse, transform
@@ -44,6 +45,35 @@ def test_a_free_part_goes_as_newton_says(
     # the steps' own rule lies half a step off the integral
     assert after[:3, 3] - before[:3, 3] == pytest.approx(0.5 * acceleration * t**2, rel=0.02)
     assert after[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
+
+
+@pytest.mark.parametrize(("slope", "friction"), [(0.3, 0.5), (0.5, 0.2), (0.5, 0.0)])
+def test_a_part_lies_on_a_plane_or_slides_down_as_coulomb_says(
+    name: str, slope: float, friction: float, hand: HandDescription, make_box: Callable[..., Part]
+) -> None:
+    """Down a slope with g (sin - mu cos), or not at all; without the plane it falls with g."""
+    mass, g = 0.2, 9.81
+    turn = Rotation.from_rotvec([0.0, slope, 0.0]).as_matrix()
+    place = transform(turn, np.array([0.0, 0.0, 1.0]))
+    part = make_box(0.06, 0.05, 0.02)
+    weight = mass * g * np.array([0.0, 0.0, -1.0])
+    with far_away(name, hand, part, mass) as engine:
+        engine.place(place, np.zeros(hand.n_joints))
+        engine.lay_on(place @ transform(np.eye(3), np.array([0.0, 0.0, -0.01])), friction)
+        engine.step(24, weight)  # it sinks in by some hundredths of a millimetre
+        engine.halt()
+        before = engine.part_pose()
+        engine.step(96, weight)
+        along = turn.T @ (engine.part_pose()[:3, 3] - before[:3, 3])
+        t = 96 * engine.step_s
+        engine.lay_on(None, 0.0)
+        engine.halt()
+        high = engine.part_pose()[2, 3]
+        engine.step(96, weight)
+        fell = high - engine.part_pose()[2, 3]
+    down = max(np.sin(slope) - friction * np.cos(slope), 0.0) * g
+    assert along == pytest.approx([0.5 * down * t**2, 0.0, 0.0], rel=0.05, abs=2e-4)
+    assert fell == pytest.approx(0.5 * g * t**2, rel=0.05)
 
 
 def test_a_kept_state_comes_back_as_it_was(

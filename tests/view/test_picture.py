@@ -5,7 +5,9 @@ import pytest
 from PIL import Image
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.view.picture import GraspView, render_grasp, render_sheet
+from gpis_grasp_planner.view.shapes import slab
 
 SIZE = (240, 180)
 
@@ -93,3 +95,20 @@ def test_misuse_is_refused(grasp):
         render(grasp, view="sideways")
     with pytest.raises(RequestError, match="at least one"):
         render_sheet([])
+
+
+def test_the_table_and_the_way_are_drawn_and_the_camera_frames_the_way(grasp):
+    table = slab(transform(np.eye(3), (0.0, 0.0, -0.045)), [0.4, 0.4, 0.01])
+    plain = render(grasp, view="iso").astype(int)
+    approach = 0.1 * grasp.T_object_palm[:3, 2]
+    whole = render(grasp, view="iso", around=[table], approach=approach).astype(int)
+
+    def green(image):
+        return (image[..., 1] > image[..., 0] + 40) & (image[..., 1] > image[..., 2] + 40)
+
+    assert not green(plain).any()
+    assert 0.001 < green(whole).mean() < 0.05
+    rows = np.flatnonzero(green(whole).any(axis=1))
+    assert 0 < rows.min() < 0.1 * SIZE[1]
+    # Where the part alone has background below it there is the table now.
+    assert np.abs(whole[-1] - plain[-1]).mean() > 8

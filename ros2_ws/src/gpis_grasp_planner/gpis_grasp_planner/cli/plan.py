@@ -109,7 +109,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="write the document; '-' for stdout, alone"
     )
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the best grasp")
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE.png",
+        help="draw the best grasp; with --explain also where hands were lost",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -139,7 +144,7 @@ def run(arguments: argparse.Namespace) -> int:
         output.note(f"note: {text}")
     if arguments.picture is not None:
         with StatusLine("drawing"):
-            _draw(arguments.picture, part, result)
+            _draw(arguments, part, result)
     if interrupted:
         n = len(result.grasps)
         found = (
@@ -205,6 +210,8 @@ def _plan(
     stored = answer_with_store(planner, store, part, request, place, monitor=monitor)
     if store is not None and not stored.kept:
         status.note("gpis-grasp: this answer is not kept in the grasp store")
+    if store is not None:
+        store.note_uses()
     result = stored.answer.result
     return part, source, result, bool(place)
 
@@ -238,9 +245,13 @@ def _short_of_time(result: PlanResult) -> tuple[str, ...]:
     )
 
 
-def _draw(path: Path, part: Part, result: PlanResult) -> None:
-    from gpis_grasp_planner.cli.drawing import draw_grasp
+def _draw(arguments: argparse.Namespace, part: Part, result: PlanResult) -> None:
+    from gpis_grasp_planner.cli import drawing
 
+    path = arguments.picture
     grasp = result.grasps[0] if result.grasps else result.best_attempt
-    if grasp is not None:
-        draw_grasp(path, part, result, grasp)
+    if arguments.explain and result.lost_palms:
+        scene = drawing.scene_of(part, result, options.catalogue_of(arguments.meshes))
+        drawing.draw_explained(path, scene, result)
+    elif grasp is not None:
+        drawing.draw_grasp(path, part, result, grasp)

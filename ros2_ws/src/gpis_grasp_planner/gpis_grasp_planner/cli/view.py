@@ -14,7 +14,6 @@ from gpis_grasp_planner.cli.interrupt import raise_on_signals
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-    from gpis_grasp_planner.geometry.mesh import TriangleMesh
     from gpis_grasp_planner.plan.settings import PlannerSettings
     from gpis_grasp_planner.view.grasp_scene import GraspScene
     from gpis_grasp_planner.view.page import GraspPage
@@ -116,19 +115,13 @@ def _settings(arguments: argparse.Namespace) -> tuple[PlannerSettings, Catalogue
 
 
 def _scene_of_document(arguments: argparse.Namespace) -> GraspScene:
-    from gpis_grasp_planner.cli.drawing import hand_of
+    from gpis_grasp_planner.cli.drawing import scene_of
     from gpis_grasp_planner.plan.document import read_document
-    from gpis_grasp_planner.view.grasp_scene import GraspScene
 
     arguments.document = Path(arguments.target)
     document = read_document(arguments.document)
     part = options.part_of_document(document, arguments)
-    catalogue = options.catalogue_of(arguments.meshes)
-
-    def load_mesh(source: str) -> TriangleMesh:
-        return options.find_part(source, None, catalogue)[0].mesh
-
-    return GraspScene.of_result(part, hand_of(document.result), document.result, load_mesh)
+    return scene_of(part, document.result, options.catalogue_of(arguments.meshes))
 
 
 def _scene_of_part(arguments: argparse.Namespace) -> GraspScene:

@@ -9,33 +9,30 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
-from gpis_grasp_planner.geometry.gjk import columns_distance, lowest, scratch_of
+from gpis_grasp_planner.geometry.gjk import columns_distance, scratch_of
+from gpis_grasp_planner.lanes import filled, lowest_along
 
 
 @njit(allocates=False)
 def _box_gap(R, t, box_low, box_high, lower, upper, node):  # type: ignore[no-untyped-def]
     """Lower bound of the distance between a link's box (in its frame) and a node's box."""
-    cx = 0.5 * (lower[node, 0] + upper[node, 0]) - t[0]
-    cy = 0.5 * (lower[node, 1] + upper[node, 1]) - t[1]
-    cz = 0.5 * (lower[node, 2] + upper[node, 2]) - t[2]
-    ex = 0.5 * (upper[node, 0] - lower[node, 0])
-    ey = 0.5 * (upper[node, 1] - lower[node, 1])
-    ez = 0.5 * (upper[node, 2] - lower[node, 2])
+    k = np.uint64(node)
+    cx = 0.5 * (lower[k, 0] + upper[k, 0]) - t[0]
+    cy = 0.5 * (lower[k, 1] + upper[k, 1]) - t[1]
+    cz = 0.5 * (lower[k, 2] + upper[k, 2]) - t[2]
+    ex = 0.5 * (upper[k, 0] - lower[k, 0])
+    ey = 0.5 * (upper[k, 1] - lower[k, 1])
+    ez = 0.5 * (upper[k, 2] - lower[k, 2])
     total = 0.0
     for a in range(3):
         middle = R[0, a] * cx + R[1, a] * cy + R[2, a] * cz
         reach = abs(R[0, a]) * ex + abs(R[1, a]) * ey + abs(R[2, a]) * ez
-        gap = max(box_low[a] - (middle + reach), (middle - reach) - box_high[a])
+        below = box_low[a] - (middle + reach)
+        above = (middle - reach) - box_high[a]
+        gap = below if below > above else above
         if gap > 0.0:
             total += gap * gap
     return np.sqrt(total)
-
-
-@njit(allocates=False)
-def _lowest(columns, n, heights, nx, ny, nz):  # type: ignore[no-untyped-def]
-    for i in range(n):
-        heights[i] = nx * columns[0, i] + ny * columns[1, i] + nz * columns[2, i]
-    return lowest(heights, n)[1]
 
 
 @njit(allocates=False)
@@ -59,18 +56,21 @@ def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
 @njit(allocates=False)
 def _farthest(lower, upper, node, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Largest height of a node's box along a direction."""
+    k = np.uint64(node)
     return (
-        nx * (upper[node, 0] if nx > 0 else lower[node, 0])
-        + ny * (upper[node, 1] if ny > 0 else lower[node, 1])
-        + nz * (upper[node, 2] if nz > 0 else lower[node, 2])
+        nx * (upper[k, 0] if nx > 0 else lower[k, 0])
+        + ny * (upper[k, 1] if ny > 0 else lower[k, 1])
+        + nz * (upper[k, 2] if nz > 0 else lower[k, 2])
     )
 
 
 @njit(allocates=False)
 def _columns_of(vertices, columns):  # type: ignore[no-untyped-def]
+    """The vertices' coordinates as rows, `filled`; returns how many."""
     for i in range(vertices.shape[0]):
         for c in range(3):
             columns[c, i] = vertices[i, c]
+    return filled(columns, vertices.shape[0])
 
 
 @njit
@@ -92,19 +92,20 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
         Arrays of the mesh's `TriangleTree`.
     """
     stack = np.empty(64, dtype=np.int64)
+    gap_of = np.empty(64)  # of the boxes on the stack
     stack[0] = 0
+    gap_of[0] = _box_gap(R, t, box_low, box_high, lower, upper, 0)
     top = 1
     best = limit
     direction = np.zeros(3)
     p = np.empty(3)
     q = np.empty(3)
     triangle = np.empty((3, 3))
-    n = vertices.shape[0]
-    columns, heights, scratch = scratch_of(n)
-    _columns_of(vertices, columns)
+    columns, scratch = scratch_of(vertices.shape[0])
+    n = _columns_of(vertices, columns)
     if seed >= 0:
         _take_triangle(triangles, seed, triangle)
-        d = columns_distance(columns, n, heights, triangle, 3, 1e30, direction, p, q, scratch)
+        d = columns_distance(columns, n, triangle, 3, 1e30, direction, p, q, scratch)
         if d <= 0.0:
             return 0.0
     # separating plane of the best pair so far: all of the polytope has n.x >= plane
@@ -114,37 +115,43 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-        plane = _lowest(columns, n, heights, nx, ny, nz)
+        plane = lowest_along(columns, n, (nx, ny, nz))[1]
         have_plane = True
     while top > 0:
         top -= 1
         node = stack[top]
-        if have_plane and plane - _farthest(lower, upper, node, nx, ny, nz) >= best:
+        if gap_of[top] >= best:
             continue
-        if _box_gap(R, t, box_low, box_high, lower, upper, node) >= best:
+        if have_plane and plane - _farthest(lower, upper, node, nx, ny, nz) >= best:
             continue
         if child[node, 0] >= 0:
             a, b = child[node, 0], child[node, 1]
-            ga = _box_gap(R, t, box_low, box_high, lower, upper, a)
-            gb = _box_gap(R, t, box_low, box_high, lower, upper, b)
-            if ga < gb:
+            gap_a = _box_gap(R, t, box_low, box_high, lower, upper, a)
+            gap_b = _box_gap(R, t, box_low, box_high, lower, upper, b)
+            if gap_a < gap_b:
                 a, b = b, a
-            stack[top] = a
-            stack[top + 1] = b
-            top += 2
+                gap_a, gap_b = gap_b, gap_a
+            if gap_a < best:
+                stack[top] = a
+                gap_of[top] = gap_a
+                top += 1
+            if gap_b < best:
+                stack[top] = b
+                gap_of[top] = gap_b
+                top += 1
             continue
         first = -1 - child[node, 0]
         for f in range(first, first + child[node, 1]):
             _take_triangle(triangles, f, triangle)
             if have_plane and plane - _highest(triangle, nx, ny, nz) >= best:
                 continue
-            d = columns_distance(columns, n, heights, triangle, 3, best, direction, p, q, scratch)
+            d = columns_distance(columns, n, triangle, 3, best, direction, p, q, scratch)
             if d <= 0.0:
                 return 0.0
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                plane = _lowest(columns, n, heights, nx, ny, nz)
+                plane = lowest_along(columns, n, (nx, ny, nz))[1]
                 have_plane = True
     return best
 
@@ -166,9 +173,8 @@ def near_pairs(
     p = np.empty(3)
     q = np.empty(3)
     triangle = np.empty((3, 3))
-    n = vertices.shape[0]
-    columns, heights, scratch = scratch_of(n)
-    _columns_of(vertices, columns)
+    columns, scratch = scratch_of(vertices.shape[0])
+    n = _columns_of(vertices, columns)
     # the separating plane of the nearest pair so far; what lies `limit` behind it is too far
     nx = ny = nz = 0.0
     plane = -np.inf
@@ -190,14 +196,16 @@ def near_pairs(
             _take_triangle(triangles, f, triangle)
             if nearest < limit and plane - _highest(triangle, nx, ny, nz) >= limit:
                 continue
-            d = columns_distance(columns, n, heights, triangle, 3, limit, direction, p, q, scratch)
-            if 0.0 < d < limit and count < p_self.shape[0]:
+            d = columns_distance(columns, n, triangle, 3, limit, direction, p, q, scratch)
+            if 0.0 < d < limit:
                 for c in range(3):
                     p_self[count, c] = p[c]
                     p_other[count, c] = q[c]
                 count += 1
+                if count == p_self.shape[0]:
+                    return count
                 if d < nearest:
                     nearest = d
                     nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
-                    plane = _lowest(columns, n, heights, nx, ny, nz)
+                    plane = lowest_along(columns, n, (nx, ny, nz))[1]
     return count

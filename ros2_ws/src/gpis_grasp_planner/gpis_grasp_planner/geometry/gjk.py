@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
+from gpis_grasp_planner.lanes import LANES, filled, lowest_along
 
 _RELATIVE = 1e-10
 _ITERATIONS = 40
@@ -142,45 +143,21 @@ def _nearest_in_tetrahedron(s):  # type: ignore[no-untyped-def]
     return not outside_any
 
 
-@njit(allocates=False)
-def lowest(heights, n):  # type: ignore[no-untyped-def]
-    """Index and value of the smallest of heights[:n], the first of equal ones.
-
-    In two passes, the first of them in four strands: one that carries index and value along waits
-    for every comparison, which took most of a query's time.
-    """
-    a = b = c = d = np.inf
-    for i in range(3, n, 4):
-        a = min(a, heights[i - 3])
-        b = min(b, heights[i - 2])
-        c = min(c, heights[i - 1])
-        d = min(d, heights[i])
-    for i in range(n - n % 4, n):
-        a = min(a, heights[i])
-    best = min(min(a, b), min(c, d))
-    for i in range(n):
-        if heights[i] == best:
-            return i, best
-    return 0, best
-
-
 @njit
 def scratch_of(n):  # type: ignore[no-untyped-def]
     """Arrays for :func:`columns_distance` and polytopes of up to n vertices.
 
-    Returns (columns (3, n), heights (n,), scratch).
+    Returns (columns (3, N), scratch).
     """
-    return np.empty((3, n)), np.empty(n), np.empty((_ROWS, 4))
+    return np.empty((3, n + LANES)), np.empty((_ROWS, 4))
 
 
 @njit(allocates=False)
-def columns_distance(
-    columns, n_self, heights, other, n_other, limit, direction, p_self, p_other, s
-):  # type: ignore[no-untyped-def]
+def columns_distance(columns, n_self, other, n_other, limit, direction, p_self, p_other, s):  # type: ignore[no-untyped-def]
     """As :func:`polytope_distance`, of a polytope whose coordinates are rows of `columns`.
 
-    `columns` (3, N), `heights` (N,) and the scratch array `s` are of :func:`scratch_of`; the first
-    `n_self` columns count, and the first `n_other` rows of `other`.
+    `columns` (3, N) and the scratch array `s` are of :func:`scratch_of`; the first `n_self`
+    columns count, `filled` to the lanes, and the first `n_other` rows of `other`.
     """
     vx, vy, vz = direction[0], direction[1], direction[2]
     if vx * vx + vy * vy + vz * vz < 1e-24:
@@ -189,9 +166,7 @@ def columns_distance(
     distance2 = np.inf
     for _ in range(_ITERATIONS):
         # support of the difference polytope - other in direction -v
-        for i in range(n_self):
-            heights[i] = columns[0, i] * vx + columns[1, i] * vy + columns[2, i] * vz
-        self_index, best = lowest(heights, n_self)
+        self_index, best = lowest_along(columns, n_self, (vx, vy, vz))
         best_other = -np.inf
         other_index = 0
         for i in range(n_other):
@@ -283,10 +258,11 @@ def polytope_distance(vertices, other, limit, direction, p_self, p_other):  # ty
         The distance [m]; 0 where the bodies touch or overlap.
     """
     n = vertices.shape[0]
-    columns, heights, scratch = scratch_of(n)
+    columns, scratch = scratch_of(n)
     for i in range(n):
         for c in range(3):
             columns[c, i] = vertices[i, c]
+    full = filled(columns, n)
     return columns_distance(
-        columns, n, heights, other, other.shape[0], limit, direction, p_self, p_other, scratch
+        columns, full, other, other.shape[0], limit, direction, p_self, p_other, scratch
     )

@@ -163,10 +163,14 @@ def _set_boxes(triangles, child, nodes, lower, upper):  # type: ignore[no-untype
 
 @njit(allocates=False)
 def _box_distance2(px, py, pz, lower, upper, node):  # type: ignore[no-untyped-def]
-    x = max(lower[node, 0] - px, max(0.0, px - upper[node, 0]))
-    y = max(lower[node, 1] - py, max(0.0, py - upper[node, 1]))
-    z = max(lower[node, 2] - pz, max(0.0, pz - upper[node, 2]))
-    return x * x + y * y + z * z
+    total = 0.0
+    k = np.uint64(node)
+    for d, p in enumerate((px, py, pz)):
+        below, above = lower[k, d] - p, p - upper[k, d]
+        out = below if below > above else above
+        if out > 0.0:
+            total += out * out
+    return total
 
 
 @njit
@@ -176,7 +180,9 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
     Returns (distance, triangle, whether inside the face); triangle -1 where none is that near.
     """
     stack = np.empty(64, dtype=np.int64)
+    away = np.empty(64)  # squared distances of the boxes on the stack
     stack[0] = 0
+    away[0] = _box_distance2(px, py, pz, lower, upper, 0)
     top = 1
     best = limit * limit
     found = -1
@@ -185,7 +191,7 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
     while top > 0:
         top -= 1
         node = stack[top]
-        if _box_distance2(px, py, pz, lower, upper, node) >= best:
+        if away[top] >= best:
             continue
         if child[node, 0] < 0:
             first = -1 - child[node, 0]
@@ -202,9 +208,15 @@ def nearest_point(px, py, pz, limit, triangles, lower, upper, child, out):  # ty
             db = _box_distance2(px, py, pz, lower, upper, b)
             if da < db:
                 a, b = b, a
-            stack[top] = a
-            stack[top + 1] = b
-            top += 2
+                da, db = db, da
+            if da < best:
+                stack[top] = a
+                away[top] = da
+                top += 1
+            if db < best:
+                stack[top] = b
+                away[top] = db
+                top += 1
     return np.sqrt(best), found, found_inside
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.drive_train import Drive, check_limits, read_drive
+from gpis_grasp_planner.hand.palm_turn import palm_turn
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
 
@@ -102,7 +103,9 @@ class HandDescription(UrdfTree):
         By which :func:`load_hand` finds it: the model's, or the path of its YAML file.
     yaml_path, urdf_path : Path
     palm_link : str
-        The root link; its frame is the palm frame P of ``docs/frames.md``.
+        The root link; its frame, turned, is the palm frame P of ``docs/frames.md``.
+    palm_turn : (3, 3) array
+        Turns directions in the URDF's root link to the palm frame, whose z is out of the palm.
     link_friction_group : tuple of str
         "palm" or "finger" per link.
     fingers : tuple of Finger
@@ -117,6 +120,7 @@ class HandDescription(UrdfTree):
     yaml_path: Path
     urdf_path: Path
     palm_link: str
+    palm_turn: Array
     link_friction_group: tuple[str, ...]
     fingers: tuple[Finger, ...]
     drive: Drive
@@ -221,7 +225,8 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
 def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescription:
     urdf_path = path.parent / data["urdf"]
-    tree = read_urdf(urdf_path)
+    turn = palm_turn(data.get("palm_axis", (0.0, 0.0, 1.0)))
+    tree = read_urdf(urdf_path, turn)
     if tree.link_names[0] != data["palm_link"]:
         raise RequestError(
             f"The root of '{urdf_path}' is '{tree.link_names[0]}', but the hand's YAML names "
@@ -235,6 +240,7 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         yaml_path=path,
         urdf_path=urdf_path,
         palm_link=data["palm_link"],
+        palm_turn=turn,
         link_friction_group=tuple(
             "palm" if link in palm_like else "finger" for link in tree.link_names
         ),
@@ -245,7 +251,7 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
             directions=np.array(data["eigengrasps"]["directions"], dtype=float),
             amplitude_limit=float(data["eigengrasps"]["amplitude_limit"]),
         ),
-        desired_contacts=_desired_contacts(data["desired_contacts"], fingers),
+        desired_contacts=_desired_contacts(data["desired_contacts"], fingers, turn),
         contact_patches=bool(data.get("contact_patches", False)),
     )
     _check(hand)
@@ -265,7 +271,7 @@ def urdf_text(hand: HandDescription, mesh_uri_prefix: str | None = None) -> str:
         ``file://`` URI of the URDF's folder.
     """
     prefix = hand.urdf_path.parent.as_uri() if mesh_uri_prefix is None else mesh_uri_prefix
-    return with_mesh_uris(hand.urdf_path, prefix)
+    return with_mesh_uris(hand.urdf_path, prefix, hand.palm_turn)
 
 
 def _models() -> Path:
@@ -340,15 +346,20 @@ def _is_parallel_pair(hand: HandDescription) -> bool:
     return bool(np.allclose(axes[0], -axes[1], atol=1e-9) and same_travel)
 
 
-def _desired_contacts(data: Mapping[str, Any], fingers: tuple[Finger, ...]) -> DesiredContacts:
+def _desired_contacts(
+    data: Mapping[str, Any], fingers: tuple[Finger, ...], turn: Array
+) -> DesiredContacts:
     wanted = [(0, entry) for entry in data["palm"]]
     for finger in fingers:
         for link, entries in zip(finger.links, data["links"], strict=True):
             wanted += [(link, entry) for entry in entries]
     normals = np.array([entry["normal"] for _, entry in wanted], dtype=float)
+    points = np.array([entry["point_mm"] for _, entry in wanted], dtype=float) / 1000.0
+    of_palm = len(data["palm"])
+    points[:of_palm], normals[:of_palm] = points[:of_palm] @ turn.T, normals[:of_palm] @ turn.T
     return DesiredContacts(
         links=np.array([link for link, _ in wanted]),
-        points=np.array([entry["point_mm"] for _, entry in wanted], dtype=float) / 1000.0,
+        points=points,
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
     )
 

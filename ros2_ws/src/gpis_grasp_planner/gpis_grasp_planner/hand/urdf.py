@@ -17,6 +17,7 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.transforms import apply, rotation_from_rpy, transform
 from gpis_grasp_planner.hand.link_mesh import read_stl
+from gpis_grasp_planner.hand.palm_turn import turn_root
 
 Array = NDArray[np.float64]
 
@@ -61,8 +62,8 @@ class UrdfTree:
     link_collision: tuple[tuple[TriangleMesh, ...], ...]
 
 
-def read_urdf(path: Path) -> UrdfTree:
-    """Read a URDF file.
+def read_urdf(path: Path, turn: Array | None = None) -> UrdfTree:
+    """Read a URDF file, its root turned by a rotation (3, 3) if one is given (`palm_turn`).
 
     Raises
     ------
@@ -78,6 +79,8 @@ def read_urdf(path: Path) -> UrdfTree:
             f"Cannot read the hand's URDF '{path}': {error}. Correct or reinstall it.",
             ErrorCode.INVALID_SETTING,
         ) from error
+    if turn is not None:
+        turn_root(robot, turn)
     links = {link.get("name", ""): link for link in robot.findall("link")}
     joints = robot.findall("joint")
     joint_of_child = {_child(joint, "child"): joint for joint in joints}
@@ -138,9 +141,11 @@ def mesh_files(path: Path) -> tuple[Path, ...]:
     return tuple(path.parent / name for name in sorted(names))
 
 
-def with_mesh_uris(path: Path, mesh_uri_prefix: str) -> str:
-    """The URDF's text with `mesh_uri_prefix` put before every mesh name."""
+def with_mesh_uris(path: Path, mesh_uri_prefix: str, turn: Array | None = None) -> str:
+    """The URDF's text with `mesh_uri_prefix` put before every mesh name, turned as in read_urdf."""
     robot = ET.parse(path).getroot()
+    if turn is not None:
+        turn_root(robot, turn)
     prefix = mesh_uri_prefix.rstrip("/")
     for mesh in robot.iter("mesh"):
         mesh.set("filename", f"{prefix}/{mesh.get('filename')}")
@@ -162,8 +167,10 @@ def _from_root(names: list[str], joint_of_child: dict[str, ET.Element], path: Pa
     return order
 
 
-def visual_shapes(path: Path, link_names: tuple[str, ...]) -> tuple[tuple[TriangleMesh, ...], ...]:
-    """What the links look like, in the links' frames.
+def visual_shapes(
+    path: Path, link_names: tuple[str, ...], turn: Array | None = None
+) -> tuple[tuple[TriangleMesh, ...], ...]:
+    """What the links look like, in the links' frames; the root's turned as in read_urdf.
 
     A link without visual shapes, or with one that is neither a box nor an STL file, has its
     collision shapes.
@@ -173,7 +180,10 @@ def visual_shapes(path: Path, link_names: tuple[str, ...]) -> tuple[tuple[Triang
     RequestError, MeshError
         For an STL file that is not there or none.
     """
-    links = {str(link.get("name")): link for link in ET.parse(path).getroot().iterfind("link")}
+    robot = ET.parse(path).getroot()
+    if turn is not None:
+        turn_root(robot, turn)
+    links = {str(link.get("name")): link for link in robot.iterfind("link")}
     chosen = [links[name] for name in link_names]
     bare = ET.Element("link")
     seen_links = [link if _is_readable(link) else bare for link in chosen]

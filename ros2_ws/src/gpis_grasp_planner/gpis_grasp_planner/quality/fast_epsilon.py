@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.compiled import njit
-from gpis_grasp_planner.geometry.gjk import lowest
+from gpis_grasp_planner.lanes import LANES, filled, lowest_along, nearest_stop
 
 Array = NDArray[np.float64]
 
@@ -36,27 +36,6 @@ def start_directions(n: int, seed: int = 0) -> Array:
     """Unit directions (n, 6) for :func:`fast_epsilon`; the same for every call of one planner."""
     u = np.random.default_rng(seed).normal(size=(n, 6))
     return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
-
-
-@njit(allocates=False)
-def _heights(columns, n, d, heights):  # type: ignore[no-untyped-def]
-    """Products of the wrenches, columns of (6, n), with d (6,), into heights (n,).
-
-    In the order of a sum that begins with 0: to the bit what a loop over the six gives.
-    """
-    x, y, z, u, v, w = d[0], d[1], d[2], d[3], d[4], d[5]
-    for i in range(n):
-        heights[i] = (
-            0.0 + columns[0, i] * x + columns[1, i] * y + columns[2, i] * z
-            + columns[3, i] * u + columns[4, i] * v + columns[5, i] * w
-        )  # fmt: skip
-
-
-@njit(allocates=False)
-def _steps(slack, rates, n, steps):  # type: ignore[no-untyped-def]
-    """How far each constraint lets go at its rate, into steps (n,)."""
-    for i in range(n):
-        steps[i] = slack[i] / rates[i] if rates[i] > 1e-11 else np.inf
 
 
 @njit(allocates=False)
@@ -80,7 +59,7 @@ def _norm(d):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _run_to_vertex(columns, u, v, active, A_inv, slack, rates, steps):  # type: ignore[no-untyped-def]
+def _run_to_vertex(columns, u, v, active, A_inv, slack, rates):  # type: ignore[no-untyped-def]
     """From v = 0 along u into a vertex of the polar.
 
     On success (0) `v` is the vertex, `active` its six constraints and `A_inv` the inverse of their
@@ -103,9 +82,8 @@ def _run_to_vertex(columns, u, v, active, A_inv, slack, rates, steps):  # type: 
             return 2
         for c in range(6):
             d[c] /= norm
-        _heights(columns, n, d, rates)
-        _steps(slack, rates, n, steps)
-        index, best = lowest(steps, n)
+        way = (d[0], d[1], d[2], d[3], d[4], d[5])
+        index, best = nearest_stop(columns, n, way, slack, rates)
         if best == np.inf:
             return 1
         for c in range(6):
@@ -142,11 +120,14 @@ def _run_to_vertex(columns, u, v, active, A_inv, slack, rates, steps):  # type: 
 
 
 @njit
-def _climb(columns, v, active, A_inv, slack, rates, steps):  # type: ignore[no-untyped-def]
-    """Pivot to adjacent vertices of the polar while |v| grows; the largest |v|, or inf."""
+def _climb(columns, n_wrenches, v, active, A_inv, slack, rates):  # type: ignore[no-untyped-def]
+    """Pivot to adjacent vertices of the polar while |v| grows; the largest |v|, or inf.
+
+    An active constraint never stops a way, nor does a wrench that only fills the lanes: both have
+    slack without end here.
+    """
     n = columns.shape[1]
     best_rates = np.empty(n)
-    ray = np.empty(6)
     y = np.empty(6)
     current = 0.0
     for c in range(6):
@@ -155,20 +136,21 @@ def _climb(columns, v, active, A_inv, slack, rates, steps):  # type: ignore[no-u
         s = 1.0
         for c in range(6):
             s -= columns[c, i] * v[c]
-        slack[i] = max(s, 0.0)
+        slack[i] = s if s > 0.0 else 0.0
+    for k in range(6):
+        slack[active[k]] = np.inf
+    for i in range(n_wrenches, n):
+        slack[i] = np.inf
     for _ in range(_PIVOTS):
         best_norm = current * (1.0 + _TOLERANCE)
         best_j = -1
         best_i = -1
         best_t = 0.0
         for j in range(6):
-            for c in range(6):
-                ray[c] = -A_inv[c, j]
-            _heights(columns, n, ray, rates)
-            _steps(slack, rates, n, steps)
-            for k in range(6):
-                steps[active[k]] = np.inf
-            index, t = lowest(steps, n)
+            ray = (
+                -A_inv[0, j], -A_inv[1, j], -A_inv[2, j], -A_inv[3, j], -A_inv[4, j], -A_inv[5, j]
+            )  # fmt: skip
+            index, t = nearest_stop(columns, n, ray, slack, rates)
             if t == np.inf:
                 return np.inf
             norm = 0.0
@@ -186,12 +168,11 @@ def _climb(columns, v, active, A_inv, slack, rates, steps):  # type: ignore[no-u
             break
         for c in range(6):
             v[c] -= best_t * A_inv[c, best_j]
-        old = active[best_j]
-        for k in range(6):
-            best_rates[active[k]] = 0.0  # their slack stays
         for i in range(n):
-            slack[i] = max(slack[i] - best_t * best_rates[i], 0.0)
-        slack[old] = best_t
+            left = slack[i] - best_t * best_rates[i]
+            slack[i] = left if left > 0.0 else 0.0
+        slack[active[best_j]] = best_t
+        slack[best_i] = np.inf
         active[best_j] = best_i
         # the inverse after row best_j became that of best_i
         for k in range(6):
@@ -211,8 +192,17 @@ def _climb(columns, v, active, A_inv, slack, rates, steps):  # type: ignore[no-u
     return current
 
 
+@njit(allocates=False)
+def _epsilon(largest, bound):  # type: ignore[no-untyped-def]
+    """Of the largest squared norm that was found, and the smallest support."""
+    if largest == 0.0:
+        # no start found a vertex (degenerate wrenches): the sampled support is all there is
+        return bound
+    return min(1.0 / np.sqrt(largest), bound)
+
+
 @njit
-def fast_epsilon(W, directions, n_starts):  # type: ignore[no-untyped-def]
+def fast_epsilon(W, directions, n_starts, n_more=0, good=0.0):  # type: ignore[no-untyped-def]
     """Epsilon of conv(W): an upper bound, nearly always exact; -1 without force closure.
 
     Parameters
@@ -223,48 +213,51 @@ def fast_epsilon(W, directions, n_starts):  # type: ignore[no-untyped-def]
         Unit directions in which the support function is sampled, from `start_directions`.
     n_starts : int
         How many of them, those of smallest support, start a climb.
+    n_more : int
+        How many more do where epsilon is above `good` after these.
+    good : float
     """
     n = W.shape[0]
     if n < 7:
         return -1.0
     # Columns of the wrenches: a processor takes several wrenches at a time.
-    columns = np.empty((6, n))
+    full = -(-n // LANES) * LANES
+    columns = np.empty((6, full))
     for i in range(n):
         for c in range(6):
             columns[c, i] = W[i, c]
-    slack, rates, steps = np.empty(n), np.empty(n), np.empty(n)
+    filled(columns, n)
     m = directions.shape[0]
-    support = np.empty(m)
-    u = np.empty(6)
+    support = np.full((1, m + LANES), np.inf)
     for k in range(m):
-        for c in range(6):
-            u[c] = -directions[k, c]
-        _heights(columns, n, u, rates)
-        h = -lowest(rates, n)[1]
+        d = directions[k]
+        way = (-d[0], -d[1], -d[2], -d[3], -d[4], -d[5])
+        h = -lowest_along(columns, full, way)[1]
         if h <= 0.0:
             return -1.0
-        support[k] = h
+        support[0, k] = h
+    slack, rates = np.empty(full), np.empty(full)
     largest = 0.0
+    u = np.empty(6)
     v = np.empty(6)
     active = np.zeros(6, dtype=np.int64)
     A_inv = np.empty((6, 6))
     bound = np.inf
-    for _ in range(n_starts):
-        k, h = lowest(support, m)
+    for start in range(n_starts + n_more):
+        if start == n_starts and _epsilon(largest, bound) <= good:
+            break
+        k, h = lowest_along(support, -(-m // LANES) * LANES, (1.0,))
         bound = min(bound, h)
-        support[k] = np.inf
+        support[0, k] = np.inf
         for c in range(6):
             u[c] = directions[k, c]
-        status = _run_to_vertex(columns, u, v, active, A_inv, slack, rates, steps)
+        status = _run_to_vertex(columns, u, v, active, A_inv, slack, rates)
         if status == 1:
             return -1.0
         if status == 2:
             continue
-        norm = _climb(columns, v, active, A_inv, slack, rates, steps)
+        norm = _climb(columns, n, v, active, A_inv, slack, rates)
         if norm == np.inf:
             return -1.0
         largest = max(largest, norm)
-    if largest == 0.0:
-        # no start found a vertex (degenerate wrenches): the sampled support is all there is
-        return bound
-    return min(1.0 / np.sqrt(largest), bound)
+    return _epsilon(largest, bound)

@@ -59,7 +59,7 @@ def volume_estimate(W, k):  # type: ignore[no-untyped-def]
             along = 0.0
             for a in range(6):
                 along += W[i, a] * d[a]
-            support = max(support, along)
+            support = along if along > support else support
         log_support += np.log(support)
     mean = log_support / _DIRECTIONS.shape[0]
     return _FACTOR * ellipsoid * k**_PER_CONTACT * np.exp(_PER_SUPPORT * 6.0 * mean)

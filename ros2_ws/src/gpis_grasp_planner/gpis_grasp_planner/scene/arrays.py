@@ -56,6 +56,8 @@ class HandArrays(NamedTuple):
     point_normals: Array  # (N, 3)
     probes: Array  # (L, K, 3)
     probe_reach: Array  # (L, K, D)
+    link_middle: Array  # (L, 3) of the box about a link's probes, in its frame
+    link_radius: Array  # (L,) of the ball about that which holds the probes
     link_cover: Array  # (L,) farthest place of the link's surface from its nearest probe
     link_reach: Array  # (L, D) the largest `probe_reach` that any point of the link has
     spread_joints: Index  # (S,)
@@ -147,6 +149,8 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
     points = np.array(samples.points)
     axis = np.asarray(hand.joint_axis, dtype=float)
     probes, link_cover = _probes_of(hand)
+    link_middle = 0.5 * (probes.min(axis=1) + probes.max(axis=1))
+    from_middle = np.linalg.norm(probes - link_middle[:, None], axis=2)
     link_finger = np.full(n_links, -1, dtype=np.int64)
     n_of_finger = hand.drive.n_links
     probe_reach = np.zeros((n_links, probes.shape[1], n_of_finger))
@@ -179,6 +183,8 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
         point_normals=np.array(samples.normals_outward),
         probes=probes,
         probe_reach=probe_reach,
+        link_middle=link_middle,
+        link_radius=from_middle.max(axis=1),
         link_cover=link_cover,
         link_reach=link_reach,
         spread_joints=np.array(

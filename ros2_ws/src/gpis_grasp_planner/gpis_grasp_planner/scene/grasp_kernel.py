@@ -91,10 +91,9 @@ def attempt_from(
         friction[i] = obj.friction_palm if hand.link_is_palm[links[i]] else obj.friction_finger
     pyramid_wrenches(obj, positions, normals, friction, k, edges, wrenches)
     W = wrenches[: k * edges]
-    epsilon = fast_epsilon(W, directions, n_starts)
-    if epsilon > _GOOD:
-        # The upper bound is what ranks, so that the overestimated would collect at the top.
-        epsilon = fast_epsilon(W, directions, n_starts_good)
+    # The upper bound is what ranks, so that the overestimated would collect at the top: more
+    # starts for the good.
+    epsilon = fast_epsilon(W, directions, n_starts, n_starts_good - n_starts, _GOOD)
     goes_back = epsilon > 0.0 and retreat > 0.0
     if goes_back and not retreat_is_free(hand, obj, T, start, retreat, 6, R, t):
         return NO_WAY_BACK, k, -1.0, 0.0

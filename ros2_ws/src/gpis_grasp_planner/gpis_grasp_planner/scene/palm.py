@@ -13,7 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
-from gpis_grasp_planner.scene.posture import coarse_gap, exact_gap, place_hand, surely_free
+from gpis_grasp_planner.scene.posture import (
+    coarse_gap,
+    exact_gap,
+    far_from_field,
+    place_hand,
+    surely_free,
+)
 
 
 @njit
@@ -127,6 +133,8 @@ def retreat_is_free(hand, obj, T, joints, distance, steps, R, t):  # type: ignor
             back[a, 3] = T[a, 3] - distance * k / steps * T[a, 2]
         place_hand(hand, joints, back, R, t)
         for link in range(hand.parent.shape[0]):
+            if far_from_field(hand, obj, link, R, t):
+                continue
             if coarse_gap(hand, obj, link, R, t) < -0.5 * obj.spacing:
                 return False
     return True

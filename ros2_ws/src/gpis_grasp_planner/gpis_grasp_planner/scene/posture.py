@@ -79,6 +79,23 @@ def coarse_gap(hand, obj, link, R, t):  # type: ignore[no-untyped-def]
     return best
 
 
+@njit(allocates=False)
+def far_from_field(hand, obj, link, R, t):  # type: ignore[no-untyped-def]
+    """Whether no probe of a link can have a negative field value: one look in place of all.
+
+    The ball about the link's box holds its probes, and the field is right to two cells at its
+    middle and at a probe.
+    """
+    x, y, z = hand.link_middle[link, 0], hand.link_middle[link, 1], hand.link_middle[link, 2]
+    d = field_value(
+        obj.field, obj.origin, obj.spacing,
+        t[link, 0] + R[link, 0, 0] * x + R[link, 0, 1] * y + R[link, 0, 2] * z,
+        t[link, 1] + R[link, 1, 0] * x + R[link, 1, 1] * y + R[link, 1, 2] * z,
+        t[link, 2] + R[link, 2, 0] * x + R[link, 2, 1] * y + R[link, 2, 2] * z,
+    )  # fmt: skip
+    return d > hand.link_radius[link] + 4.0 * obj.spacing
+
+
 @njit(inline="always")
 def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
     """How far a link with this `coarse_gap` is from the object at least [m]; may be negative.
@@ -184,6 +201,39 @@ def overlaps(hand, obj, link, R, t, work):  # type: ignore[no-untyped-def]
     return exact_gap(hand, obj, link, R, t, 1e-4, work) <= 0.0
 
 
+@njit(allocates=False)
+def _apart_along_own_axes(hand, piece, other, R, t, limit):  # type: ignore[no-untyped-def]
+    """Whether a plane across an axis of a piece's link keeps both boxes farther apart than `limit`.
+
+    A little more than `limit`, for the rounding.
+    """
+    a, b = hand.piece_link[piece], hand.piece_link[other]
+    for i in range(3):
+        middle = 0.0
+        for c in range(3):
+            middle += R[a, c, i] * (t[b, c] - t[a, c])
+        reach = 0.0
+        for j in range(3):
+            along = R[a, 0, i] * R[b, 0, j] + R[a, 1, i] * R[b, 1, j] + R[a, 2, i] * R[b, 2, j]
+            low, high = hand.piece_lower[other, j], hand.piece_upper[other, j]
+            middle += along * 0.5 * (low + high)
+            reach += abs(along) * 0.5 * (high - low)
+        margin = limit + 1e-9
+        if middle - reach > hand.piece_upper[piece, i] + margin:
+            return True
+        if middle + reach < hand.piece_lower[piece, i] - margin:
+            return True
+    return False
+
+
+@njit(allocates=False)
+def boxes_apart(hand, piece, other, R, t, limit):  # type: ignore[no-untyped-def]
+    """Whether two pieces are farther apart than `limit`, as far as their boxes tell."""
+    return _apart_along_own_axes(hand, piece, other, R, t, limit) or _apart_along_own_axes(
+        hand, other, piece, R, t, limit
+    )
+
+
 @njit
 def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[no-untyped-def]
     """Whether a finger's moving links are nearer than `limit` to a link of another finger.
@@ -197,7 +247,7 @@ def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[n
     for k in range(hand.finger_link.shape[1] - 1, -1, -1):
         link = hand.finger_link[finger, k]
         for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
-            n = piece_in_object_frame(hand, piece, R, t, work)
+            n = 0
             for target in range(hand.parent.shape[0]):
                 own = hand.link_finger[target] == finger
                 fixed = hand.link_finger[target] < 0
@@ -206,6 +256,10 @@ def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[n
                 if fixed and hand.parent[hand.finger_link[finger, 0]] == target:
                     continue
                 for o in range(hand.link_piece_start[target], hand.link_piece_start[target + 1]):
+                    if boxes_apart(hand, piece, o, R, t, limit):
+                        continue
+                    if n == 0:
+                        n = piece_in_object_frame(hand, piece, R, t, work)
                     m = piece_in_object_frame(hand, o, R, t, other)
                     for a in range(3):
                         direction[a] = t[link, a] - t[target, a]

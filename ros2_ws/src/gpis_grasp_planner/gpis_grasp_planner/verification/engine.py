@@ -62,6 +62,12 @@ class Engine(Protocol):
     def place(self, T_palm_part: Array, joints: Array) -> None:
         """Put the part at a pose and the hand at joint angles (J,) [rad], all at rest."""
 
+    def lay_on(self, T_palm_plane: Array | None, friction: float) -> None:
+        """Put a plane that only the part meets under it, z away from the plane; None: take it away.
+
+        After :meth:`place`, and until the next one. `friction` is that of the pair.
+        """
+
     def carry(self, mass_kg: float, damped: bool) -> None:
         """Give the part a mass, and a support that lets it move slowly, or none."""
 

@@ -28,6 +28,10 @@ class Motion:
     slip_m: float
     rotation_rad: float
 
+    def larger(self, other: Motion) -> Motion:
+        """The larger way and the larger turn of both."""
+        return Motion(max(self.slip_m, other.slip_m), max(self.rotation_rad, other.rotation_rad))
+
     def within(self, settings: VerificationSettings, share: float = 1.0) -> bool:
         """Whether it is below (a share of) the protocol's limits; not if it is not finite."""
         return bool(
@@ -68,10 +72,7 @@ class PushWatch:
     def see(self, step_s: float, now: Motion) -> None:
         """Take in the motion since the push began, `step_s` after the last look."""
         self.elapsed_s += step_s
-        largest = Motion(
-            max(self.largest.slip_m, now.slip_m), max(self.largest.rotation_rad, now.rotation_rad)
-        )
-        self.largest = largest
+        self.largest = self.largest.larger(now)
         self._seen.append(now)
         self.held = now.within(self._settings)
         left_s = self._settings.duration_s - self.elapsed_s

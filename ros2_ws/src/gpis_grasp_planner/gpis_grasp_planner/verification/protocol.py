@@ -171,13 +171,29 @@ class Verifier:
         self, world: TrialWorld, T_object_palm: Array, grasp: Grasp, allowance: Allowance = FAR
     ) -> bool:
         """Place the hand in a world and close it on the held part; whether it closed in time."""
-        joints = self._start.start_joints(T_object_palm, grasp.pregrasp_joints)
+        self.place_in(world, T_object_palm, grasp, allowance)
+        return world.close()
+
+    def place_in(
+        self,
+        world: TrialWorld,
+        T_object_palm: Array,
+        grasp: Grasp,
+        allowance: Allowance = FAR,
+        *,
+        together: bool = False,
+    ) -> None:
+        """Place the hand in a world, about to close on the held part.
+
+        `together`: the fingers are as far from their contacts as they come, each by its own.
+        """
+        travelled = self._start.together if together else self._start.start_joints
+        joints = travelled(T_object_palm, grasp.pregrasp_joints)
         self._cover(T_object_palm, joints, grasp.joints, allowance)
         pieces = self._prepared.cover.pieces
         if world.n_pieces != len(pieces):
             world.take_pieces(pieces)
         world.place(T_object_palm, joints)
-        return world.close()
 
     def _cover(self, T_object_palm: Array, start: Array, closed: Array, allowed: Allowance) -> None:
         """Make all convex pieces of the part that the hand may meet in this trial."""

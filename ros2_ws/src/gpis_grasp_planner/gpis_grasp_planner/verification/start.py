@@ -87,6 +87,22 @@ class StartFinder:
             joints = closing[last]
         return joints
 
+    def together(self, T_object_palm: Array, pregrasp_joints: Array) -> Array:
+        """The pre-grasp with all fingers closed alike until one is 3 mm from the part, (J,) [rad].
+
+        As :meth:`start_joints`, but the fingers keep their leads: who comes first comes first.
+        """
+        hand, drive = self.hand, self.hand.drive
+        spread, start = motors_from_joints(hand, np.array(pregrasp_joints, dtype=float))
+        upper = np.asarray(drive.motor_upper[1:], dtype=float)
+        way = np.arange(0.0, float(upper.max()), _TRAVEL_STEP_RAD)[:, None] * hand.closing_unit
+        motors = np.minimum(start + way, np.maximum(upper, start))
+        closing = joints_from_motors(hand, np.repeat(spread, len(way)), motors)
+        links = [link for finger in hand.fingers for link in finger.links]
+        met = np.flatnonzero(self.clearance(T_object_palm, closing, links) < _CLEARANCE_M)
+        last = max(int(met[0]) - 1, 0) if len(met) else len(way) - 1
+        return np.array(pregrasp_joints if last == 0 else closing[last], dtype=float)
+
     def back_until_free(self, T_object_palm: Array, joints: Array, farthest: float) -> Array | None:
         """The palm pose moved back along its -z until the hand is free; None beyond `farthest`.
 

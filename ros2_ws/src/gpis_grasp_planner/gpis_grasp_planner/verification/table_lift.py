@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.grasp.grasp import Grasp
-from gpis_grasp_planner.verification.motion import NO_MOTION, Motion
+from gpis_grasp_planner.verification.motion import NO_MOTION
 from gpis_grasp_planner.verification.protocol import Verifier
 from gpis_grasp_planner.verification.trial_world import TrialWorld
 
@@ -96,9 +96,7 @@ def _lift_in(world: TrialWorld, verifier: Verifier, grasp: Grasp, up_in_part: Ar
     for acceleration in lift_accelerations(up, settings.lift_m, settings.shake_m):
         simulated += world.run(_INTERVAL_S, acceleration)
         now = world.motion_since(before)
-        largest = Motion(
-            max(largest.slip_m, now.slip_m), max(largest.rotation_rad, now.rotation_rad)
-        )
+        largest = largest.larger(now)
         if not now.within(settings):
             cause = "slipped"
             break

@@ -7,7 +7,7 @@ fingers do to a part without any support (they kick a light one away) is no prop
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -91,15 +91,31 @@ class TrialWorld:
             for finger in self.hand.fingers
         ]
 
-    def close(self) -> bool:
-        """Close the fingers; returns whether all of them press or came to their end in time."""
+    def lay_down(self, T_palm_plane: Array, friction: float) -> None:
+        """Let the part lie free on a plane, z away from it, in place of being held."""
+        self.engine.carry(self.settings.mass_kg, damped=False)
+        self.engine.lay_on(T_palm_plane, friction)
+
+    def close(
+        self, acceleration: Array | None = None, watch: Callable[[], None] = lambda: None
+    ) -> bool:
+        """Close the fingers; returns whether all of them press or came to their end in time.
+
+        Parameters
+        ----------
+        acceleration : (3,) array [m/s^2], optional
+            Of the part meanwhile, as :meth:`run` takes it.
+        watch : callable
+            Called after each interval of the drives' control.
+        """
         for drive in self.drives:
             drive.start()
         elapsed = 0.0
         while elapsed < self.settings.closing_time_s:
             if all(drive.phase >= Phase.PRESSING for drive in self.drives):
                 return True
-            elapsed += self.run(_CONTROL_S)
+            elapsed += self.run(_CONTROL_S, acceleration)
+            watch()
         return False
 
     def release(self) -> None:

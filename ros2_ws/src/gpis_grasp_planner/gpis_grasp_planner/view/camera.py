@@ -52,7 +52,14 @@ def look_from(direction: ArrayLike, points: Array, aspect: float) -> Camera:
 
 
 def best_view(
-    scene: Scene, n_part: int, n_solid: int, n_contacts: int, points: Array, aspect: float
+    scene: Scene,
+    n_part: int,
+    n_solid: int,
+    n_contacts: int,
+    points: Array,
+    aspect: float,
+    *,
+    from_below: bool = True,
 ) -> Camera:
     """The camera, of a ring of directions, that shows most of part, hand and contacts.
 
@@ -60,15 +67,17 @@ def best_view(
     ----------
     scene : Scene
         Its first `n_part` bodies are the part, those up to `n_solid` the hand, and `n_contacts`
-        balls at the contacts come last. None is a marker.
+        balls at the contacts come next. What comes after these is in the way alone. No markers.
     points : (n, 3) array [m]
         What must be in the picture.
     aspect : float
         Width over height.
+    from_below : bool
+        Whether it may be; not where there is a table.
     """
     width, height = round(_LOOK_HEIGHT * aspect), _LOOK_HEIGHT
     best_score, best_camera = -np.inf, look_from(VIEWS["iso"], points, aspect)
-    for elevation_deg in (-15.0, 15.0, 32.0, 48.0):
+    for elevation_deg in (*((-15.0,) if from_below else ()), 15.0, 32.0, 48.0):
         for azimuth in np.radians(np.arange(0.0, 360.0, 22.5) - 60.0):
             z = np.sin(np.radians(elevation_deg))
             flat = np.sqrt(1.0 - z * z)
@@ -81,9 +90,10 @@ def best_view(
             hand = np.minimum(pieces / body.size, 0.015).sum()  # many pieces, not one large
             score = hand * (np.sqrt(part) if n_part else 1.0)
             if n_contacts:
-                score *= 0.5 + len(np.unique(body[body >= n_solid])) / n_contacts
-            if elevation_deg < 0.0:
-                score *= 0.85  # people look at things from above
+                balls = body[(body >= n_solid) & (body < n_solid + n_contacts)]
+                score *= 0.5 + len(np.unique(balls)) / n_contacts
+            if not 0.0 < elevation_deg < 40.0:
+                score *= 0.85  # people look at things from above, and not from far above
             if score > best_score:
                 best_score, best_camera = score, camera
     return best_camera

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
@@ -22,6 +22,7 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.view.camera import VIEWS, best_view, look_from
+from gpis_grasp_planner.view.legend import with_caption
 from gpis_grasp_planner.view.renderer import Body, Camera, Scene
 from gpis_grasp_planner.view.shapes import ellipsoid
 
@@ -29,6 +30,8 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 OBJECT_COLOR = (0.93, 0.62, 0.22)
+AROUND_COLOR = (0.72, 0.75, 0.72)
+WAY_COLOR = (0.10, 0.60, 0.25)
 CONTACT_COLOR = (0.86, 0.05, 0.07)
 PALM_COLOR = (0.23, 0.24, 0.26)
 LINK_COLORS = ((0.36, 0.38, 0.41), (0.52, 0.55, 0.59), (0.40, 0.47, 0.56))  # from the palm outwards
@@ -37,7 +40,11 @@ _BALL_CORNERS = 162
 
 @dataclass(frozen=True, eq=False)
 class GraspView:
-    """What one picture shows: a part (or None), the hand in its frame and the contacts."""
+    """What one picture shows: a part (or None), the hand in its frame and the contacts.
+
+    `around` are meshes of surroundings in the part's frame, `approach` the way (3,) [m] of the palm
+    to where it is.
+    """
 
     mesh: TriangleMesh | None
     hand: HandDescription
@@ -45,6 +52,8 @@ class GraspView:
     joints: Array
     contacts: Contacts | None = None
     caption: str = ""
+    around: tuple[TriangleMesh, ...] = ()
+    approach: Array | None = None
 
 
 def render_grasp(
@@ -58,6 +67,8 @@ def render_grasp(
     view: str | ArrayLike = "auto",
     size: tuple[int, int] = (1000, 750),
     caption: str = "",
+    around: Sequence[TriangleMesh] = (),
+    approach: ArrayLike | None = None,
 ) -> Pixels:
     """Render the hand on a part.
 
@@ -79,6 +90,10 @@ def render_grasp(
         Width and height in pixels.
     caption : str
         Written below the picture's upper edge.
+    around : sequence of TriangleMesh
+        Surroundings in the part's frame; the camera does not frame them.
+    approach : (3,) array [m], optional
+        The palm's way to where it is, drawn as a green arrow.
 
     Returns
     -------
@@ -91,7 +106,14 @@ def render_grasp(
         If the view has an unknown name.
     """
     grasp = GraspView(
-        mesh, hand, np.asarray(T_object_palm, float), np.asarray(joints, float), contacts, caption
+        mesh,
+        hand,
+        np.asarray(T_object_palm, float),
+        np.asarray(joints, float),
+        contacts,
+        caption,
+        tuple(around),
+        None if approach is None else np.asarray(approach, float),
     )
     pixels = _render(grasp, view, size)
     if path is not None:
@@ -148,18 +170,25 @@ def hand_bodies(hand: HandDescription, T_object_palm: Array, joints: Array) -> l
 def _render(grasp: GraspView, view: str | ArrayLike, size: tuple[int, int]) -> Pixels:
     part = [] if grasp.mesh is None else [Body(grasp.mesh, OBJECT_COLOR)]
     solid = part + hand_bodies(grasp.hand, grasp.T_object_palm, grasp.joints)
+    around = [Body(mesh, AROUND_COLOR) for mesh in grasp.around]
     contacts = Contacts.none() if grasp.contacts is None else grasp.contacts
     points = np.vstack([body.mesh.vertices for body in solid])
-    markers = _contact_markers(contacts, float(np.linalg.norm(np.ptp(points, axis=0))))
-    camera = _camera(solid, len(part), contacts, points, view, size)
-    with Scene(solid + markers) as scene:
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    markers = _contact_markers(contacts, diagonal)
+    if grasp.approach is not None:
+        way = _way(grasp.T_object_palm[:3, 3], grasp.approach, 0.006 * diagonal)
+        markers += [Body(piece, WAY_COLOR, True) for piece in way]
+        points = np.vstack([points, *(piece.vertices for piece in way)])
+    camera = _camera(solid, len(part), around, contacts, points, view, size)
+    with Scene(solid + around + markers) as scene:
         pixels = scene.render(camera, *size)
-    return _with_caption(pixels, grasp.caption) if grasp.caption else pixels
+    return with_caption(pixels, grasp.caption) if grasp.caption else pixels
 
 
 def _camera(
     solid: list[Body],
     n_part: int,
+    around: list[Body],
     contacts: Contacts,
     points: Array,
     view: str | ArrayLike,
@@ -172,12 +201,19 @@ def _camera(
             Body(ellipsoid(position, np.full(3, radius), _BALL_CORNERS), CONTACT_COLOR)
             for position in contacts.positions
         ]
-        with Scene(solid + balls) as scene:
-            return best_view(scene, n_part, len(solid), len(balls), points, aspect)
+        with Scene(solid + balls + around) as scene:
+            counts = n_part, len(solid), len(balls)
+            return best_view(scene, *counts, points, aspect, from_below=not around)
     if isinstance(view, str) and view not in VIEWS:
         raise RequestError(f"View is '{view}'; choose auto, {', '.join(VIEWS)} or a direction.")
     direction = VIEWS[view] if isinstance(view, str) else np.asarray(view, dtype=float)
     return look_from(direction, points, aspect)
+
+
+def _way(palm: Array, approach: Array, radius: float) -> list[TriangleMesh]:
+    """An arrow that ends at the palm's origin."""
+    length = float(np.linalg.norm(approach))
+    return _arrow(palm - approach, approach / length, length, radius) if length else []
 
 
 def _contact_markers(contacts: Contacts, diagonal: float) -> list[Body]:
@@ -198,12 +234,3 @@ def _arrow(start: Array, direction: Array, length: float, radius: float) -> list
     neck, tip = start + 0.72 * length * direction, start + length * direction
     shaft = convex_hull(np.vstack([start + radius * ring, neck + radius * ring]))
     return [shaft, convex_hull(np.vstack([neck + 2.6 * radius * ring, tip]))]
-
-
-def _with_caption(pixels: Pixels, caption: str) -> Pixels:
-    image = Image.fromarray(pixels)
-    height = max(14, pixels.shape[0] // 26)
-    font = ImageFont.load_default(size=height)
-    margin = height // 2
-    ImageDraw.Draw(image).multiline_text((margin, margin), caption, fill=(30, 30, 35), font=font)
-    return np.asarray(image)

@@ -66,7 +66,7 @@ class BulletEngine:
         self.hand, self.part, self.settings = hand, part, settings
         self.n_pieces = 0
         self.step_s = 1.0 / settings.rate_hz
-        self._object = -1
+        self._object = self._plane = -1
         self._hulls = link_hulls(hand)
         self._moments, axes = inertia_of(part)
         self._T_part_body = transform(axes, part.center_of_mass)
@@ -113,6 +113,7 @@ class BulletEngine:
     def place(self, T_palm_part: Array, joints: Array) -> None:
         """Put the part at a pose and the hand at joint angles (J,) [rad], all at rest."""
         client = self.client
+        self.lay_on(None, 0.0)
         if self._bodies is not None:
             for body in {body for body, _ in self._bodies.link_of}:
                 client.removeBody(body)
@@ -125,6 +126,30 @@ class BulletEngine:
         position, quat_xyzw = to_position_quat_xyzw(T_palm_part @ self._T_part_body)
         client.resetBasePositionAndOrientation(self._object, position, quat_xyzw)
         self.halt()
+
+    def lay_on(self, T_palm_plane: Array | None, friction: float) -> None:
+        """Put a plane under the part's pieces, z away from it; None: take it away."""
+        client = self.client
+        if self._plane >= 0:
+            client.removeBody(self._plane)
+            self._plane = -1
+        if T_palm_plane is None:
+            return
+        assert self._bodies is not None
+        position, quat_xyzw = to_position_quat_xyzw(T_palm_plane)
+        shape = client.createCollisionShape(client.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0])
+        self._plane = int(
+            client.createMultiBody(
+                baseMass=0.0,
+                baseCollisionShapeIndex=shape,
+                basePosition=position,
+                baseOrientation=quat_xyzw,
+            )
+        )
+        for body, link in self._bodies.link_of:
+            client.setCollisionFilterPair(self._plane, body, -1, link, 0)
+        # Bullet multiplies both friction coefficients of a pair.
+        self._surface(self._plane, -1, friction / max(self.settings.friction, 1e-6))
 
     def carry(self, mass_kg: float, damped: bool) -> None:
         """Give the part a mass, and a support that lets it move slowly, or none."""
@@ -176,6 +201,7 @@ class BulletEngine:
         return [
             Contact(self._bodies.link_of[row[2], row[4]], -float(row[8]), float(row[9]))
             for row in found
+            if row[2] != self._plane
         ]
 
     def part_pose(self) -> Array:

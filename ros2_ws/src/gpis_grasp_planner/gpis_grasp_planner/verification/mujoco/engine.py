@@ -9,6 +9,7 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import (
@@ -23,7 +24,9 @@ from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.verification.engine import Contact
 from gpis_grasp_planner.verification.inertia import inertia_of
 from gpis_grasp_planner.verification.mujoco.model import (
+    FAR_BELOW,
     PART_BODY,
+    PLANE_GEOM,
     build_model,
     link_body,
     spread_joints,
@@ -52,6 +55,8 @@ class MujocoEngine:
         self.step_s = 1.0 / settings.mujoco_rate_hz
         self._moments, axes = inertia_of(part)
         self._T_part_body = transform(axes, part.center_of_mass)
+        vertices = part.working_mesh.vertices
+        self._hull = vertices[ConvexHull(vertices, qhull_options="QJ").vertices]
         self._moving = [
             joint
             for joint in (int(hand.link_joint[link]) for link in range(hand.n_links))
@@ -79,10 +84,12 @@ class MujocoEngine:
         """Make the part anew of convex pieces (n, 3) in its frame. Some 0.3 ms a piece."""
         T_body_part = inverse(self._T_part_body)
         moved = [apply(T_body_part, piece) for piece in pieces]
-        model = self.model = build_model(self.hand, moved, self._moments, self.step_s)
+        hull = apply(T_body_part, self._hull)
+        model = self.model = build_model(self.hand, moved, hull, self._moments, self.step_s)
         self.data, self._scratch = mujoco.MjData(model), mujoco.MjData(model)
         self.n_pieces = len(pieces)
         self._object = model.body(PART_BODY).id
+        self._plane = model.geom(PLANE_GEOM).id
         self._pose = slice(*(model.jnt_qposadr[model.body_jntadr[self._object]] + [0, 7]))
         self._speed = slice(*(model.jnt_dofadr[model.body_jntadr[self._object]] + [0, 6]))
         self._bodies = [model.body(link_body(link)).id for link in range(self.hand.n_links)]
@@ -111,7 +118,17 @@ class MujocoEngine:
         data.qpos[self._pose] = [*position, *np.roll(quat_xyzw, 1)]
         for joint, index in self._angle_at.items():
             data.qpos[index] = joints[joint]
+        model.geom_pos[self._plane] = FAR_BELOW
         mujoco.mj_forward(model, data)
+
+    def lay_on(self, T_palm_plane: Array | None, friction: float) -> None:
+        """Put a plane under the part, z away from it; None: take it away."""
+        model, plane = self.model, self._plane
+        T = transform(np.eye(3), FAR_BELOW) if T_palm_plane is None else T_palm_plane
+        model.geom_pos[plane], quat_xyzw = to_position_quat_xyzw(T)
+        model.geom_quat[plane] = np.roll(quat_xyzw, 1)
+        model.geom_friction[plane, 0] = friction
+        mujoco.mj_forward(self.model, self.data)
 
     def carry(self, mass_kg: float, damped: bool) -> None:
         """Give the part a mass, and a support that lets it move slowly, or none."""
@@ -155,7 +172,9 @@ class MujocoEngine:
         for index in range(data.ncon):
             contact = data.contact[index]
             first, second = model.geom_bodyid[contact.geom]
-            link = self._link_of[int(second if first == self._object else first)]
+            link = self._link_of.get(int(second if first == self._object else first))
+            if link is None:
+                continue  # the plane
             mujoco.mj_contactForce(model, data, index, wrench)
             found.append(Contact(link, -float(contact.dist), float(wrench[0])))
         return found

@@ -29,7 +29,7 @@ _NO_SLIP_ITERATIONS = 5
 # Inertia of a motor and its gears at the joint [kg m^2]: a rotor of some 1e-6 behind a ratio of
 # 100. A link of grams between two contacts would be no well-posed problem.
 _ARMATURE = 0.01
-_HAND, _PART = 1, 2
+_HAND, _PART, _PLANE = 1, 2, 4
 
 
 def link_body(link: int) -> str:
@@ -38,11 +38,16 @@ def link_body(link: int) -> str:
 
 
 PART_BODY = "part"
+PLANE_GEOM = "plane"
+FAR_BELOW = (0.0, 0.0, -1e3)  # where nothing meets the plane: what may meet is fixed for good
+# MuJoCo remembers of a geom that is parallel to its body that it is, and then never turns it.
+_NOT_PARALLEL = (0.9987502604, 0.05, 0.0, 0.0)
 
 
 def build_model(
     hand: HandDescription,
     pieces: Sequence[Array],
+    hull: Array,
     moments: Array,
     step_s: float,
 ) -> mujoco.MjModel:
@@ -53,6 +58,8 @@ def build_model(
     hand : HandDescription
     pieces : sequence of (n, 3) arrays [m]
         Convex pieces of the part, in the frame of its principal axes at the centre of mass.
+    hull : (k, 3) array [m]
+        Corners of the whole part's hull, in the same frame.
     moments : (3,) array [m^2]
         Principal moments of inertia per mass.
     step_s : float
@@ -88,6 +95,21 @@ def build_model(
     part.mass, part.inertia = 1.0, moments
     for number, points in enumerate(pieces):
         _add_hull(spec, part, f"piece {number}", points, _PART)
+    # What lies on a plane touches it with the corners of its hull, whatever pieces there are.
+    _add_hull(spec, part, "hull", hull, _PLANE)
+    spec.worldbody.add_geom(
+        name=PLANE_GEOM,
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(0.0, 0.0, 1.0),
+        pos=FAR_BELOW,
+        quat=_NOT_PARALLEL,
+        contype=0,
+        conaffinity=_PLANE,
+        condim=3,
+        priority=2,
+        solref=(_CONTACT_TIME_S, 1.0),
+        solimp=_CONTACT_IMPEDANCE,
+    )
     return spec.compile()
 
 
@@ -142,7 +164,7 @@ def _add_hull(
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=name,
         contype=group,
-        conaffinity=_HAND + _PART - group,
+        conaffinity=0 if group == _PLANE else _HAND + _PART - group,
         condim=3,
         priority=int(group == _PART),  # the friction of the pair is the part's
         solref=(_CONTACT_TIME_S, 1.0),

@@ -1,0 +1,81 @@
+"""A hand whose palm does not look along its root link's z axis: its URDF turned until it does.
+
+The planner's palm frame has z out of the palm. Where a URDF's root link has another axis there,
+the frame is turned by the smallest rotation that brings the axis to z, and everything that the URDF
+places in the root link with it: shapes, masses and joints. Nothing else of the hand changes, and
+who reads the URDF sees the turned one.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpis_grasp_planner.geometry.transforms import rotation_from_rpy
+
+Array = NDArray[np.float64]
+
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+def palm_turn(axis: ArrayLike) -> Array:
+    """The smallest rotation (3, 3) that brings an axis (3,) to z; about x where it is -z.
+
+    Raises
+    ------
+    ValueError
+        For an axis that is no vector of three numbers, or has no length.
+    """
+    a = np.asarray(axis, dtype=float)
+    length = float(np.linalg.norm(a))
+    if a.shape != (3,) or not np.isfinite(length) or length < 1e-9:
+        raise ValueError(f"palm_axis is {axis!r}; give three numbers that are not all 0")
+    a = a / length
+    cosine = float(a @ _Z)
+    if cosine < -1.0 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    v = np.cross(a, _Z)
+    cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
+
+
+def turn_root(robot: ET.Element, R: Array) -> None:
+    """Turn the root link's frame of a URDF by R (3, 3), in place."""
+    if np.array_equal(R, np.eye(3)):
+        return
+    children = {joint.find("child").get("link") for joint in robot.iter("joint")}  # type: ignore[union-attr]
+    for link in robot.findall("link"):
+        if link.get("name") in children:
+            continue
+        for kind in ("visual", "collision", "inertial"):
+            for element in link.findall(kind):
+                _turn(element, R)
+        for joint in robot.findall("joint"):
+            if joint.find("parent").get("link") == link.get("name"):  # type: ignore[union-attr]
+                _turn(joint, R)
+
+
+def _turn(element: ET.Element, R: Array) -> None:
+    origin = element.find("origin")
+    if origin is None:
+        origin = ET.Element("origin")
+        element.insert(0, origin)
+    xyz = np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
+    rpy = np.array([float(x) for x in origin.get("rpy", "0 0 0").split()])
+    origin.set("xyz", _text(R @ xyz))
+    origin.set("rpy", _text(_rpy_of(R @ rotation_from_rpy(rpy))))
+
+
+def _rpy_of(R: Array) -> Array:
+    """Roll, pitch and yaw (3,) of a rotation (3, 3), as `rotation_from_rpy` takes them."""
+    level = float(np.hypot(R[0, 0], R[1, 0]))
+    pitch = np.arctan2(-R[2, 0], level)
+    if level < 1e-12:  # straight up or down: roll and yaw are one
+        return np.array([0.0, pitch, np.arctan2(-R[0, 1], R[1, 1])])
+    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(value)) for value in values)
