@@ -69,7 +69,10 @@ def through(hand, obj, T, start, gap, threshold, edges, retreat, directions, sta
 
 
 def seconds(evaluator: CompiledEvaluator, T: Any, start: Any, repeats: int = 3) -> dict[str, float]:
-    """Processor time of each phase over the attempts at T (B, 4, 4) from `start` (B, J)."""
+    """Processor time of each phase over the attempts at T (B, 4, 4) from `start` (B, J).
+
+    The passes follow each other and are repeated; of each the least counts.
+    """
     settings = evaluator.settings
     epsilon = np.empty(len(T))
     few, many = grasp_starts()
@@ -79,14 +82,12 @@ def seconds(evaluator: CompiledEvaluator, T: Any, start: Any, repeats: int = 3) 
         evaluator._directions, few, many - few,
     )  # fmt: skip
     through(*arguments, 0, epsilon)
-    ends = []
-    for last in range(len(PHASES)):
-        spent = []
-        for _ in range(repeats):
+    ends = np.full(len(PHASES), np.inf)
+    for _ in range(repeats):
+        for last in range(len(PHASES)):
             begin = time.thread_time()
             through(*arguments, last, epsilon)
-            spent.append(time.thread_time() - begin)
-        ends.append(min(spent))
+            ends[last] = min(ends[last], time.thread_time() - begin)
     expected = evaluator.attempt_from(np.array(T), np.array(start)).epsilon
     if not np.array_equal(epsilon, expected):
         raise SystemExit("The phases timed here are not those of grasp_kernel.attempt_from.")

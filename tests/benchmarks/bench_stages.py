@@ -19,7 +19,7 @@ from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import load_hand
-from gpis_grasp_planner.optimise.bayesian import BayesianOptimiser
+from gpis_grasp_planner.optimise.bayesian import BayesianOptimiser, BayesianSettings
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
@@ -120,7 +120,8 @@ def test_model_fit_and_eight_acquisitions(benchmark, n_told):
     y = np.exp(-((x - x[0]) ** 2).sum(axis=1))
 
     def told():
-        optimiser = BayesianOptimiser(domain, seed=5)
+        optimiser = BayesianOptimiser(domain, settings=BayesianSettings(n_initial=8), seed=5)
+        optimiser.ask_batch(8)  # the initial design
         optimiser.tell(x, y)
         return (optimiser,), {}
 

@@ -26,6 +26,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("GPIS_GRASP_STORE", "off")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmark_report import add_report_option, report
 from fault_kinds import FAULTS, READ_LIMIT_S, Cell, Fault, fresh
 from live_node import LiveNode, NodeClient, plan_request
 
@@ -149,7 +150,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--times", type=int, default=20, help="of each kind (20)")
     parser.add_argument("--only", default="", help="kinds with this text in their name")
+    add_report_option(parser, "faults.md")
     options = parser.parse_args()
+    with report(options.report, "Faults on a live node"):
+        return do_harm(options)
+
+
+def do_harm(options: argparse.Namespace) -> int:
+    """Do the harm of every kind; 1 where anything was unexpected."""
     folder = Path(tempfile.mkdtemp(prefix="gpis_faults_"))
     parts, cache = make_catalogue(folder / "parts"), folder / "cache"
     environment = {**os.environ, "GPIS_GRASP_CACHE": str(cache)}

@@ -25,6 +25,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("GPIS_GRASP_STORE", "off")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmark_report import add_report_option, report
 from geometry_msgs.msg import PoseStamped, PoseWithCovariance
 from live_node import LiveNode, NodeClient, plan_request, waited
 from message_mutations import mutate
@@ -131,7 +132,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--requests", type=int, default=100_000, help="(100000)")
     parser.add_argument("--seed", type=int, default=0, help="(0)")
+    add_report_option(parser, "fuzz.md")
     options = parser.parse_args()
+    with report(options.report, "Requests made bad in random places"):
+        return fuzz(options)
+
+
+def fuzz(options: argparse.Namespace) -> int:
+    """Send all requests; 1 where anything was wrong."""
     print(f"seed {options.seed}", flush=True)
     log = Path(tempfile.mkdtemp(prefix="gpis_fuzz_")) / "node.log"
     node = LiveNode(log, {"default_planner": "hpp", "default_verification": "none"})

@@ -22,6 +22,7 @@ os.environ.setdefault("GPIS_GRASP_STORE", "off")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
+from benchmark_report import add_report_option, report
 from live_node import LiveNode, children
 from node_load import (
     LIMIT_S,
@@ -70,7 +71,7 @@ def counts(pid: int) -> tuple[int, int, int]:
 
 
 def main() -> None:
-    """Start a node and put it under load."""
+    """Print the table, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help=f"other defaults: {QUICK}")
     parser.add_argument("--clients", type=int, default=100, help="calling at once (100)")
@@ -80,13 +81,20 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=1000, help="of mixed meshes (1000)")
     parser.add_argument("--processes", type=int, default=5, help="that the clients are in (5)")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="of the parts")
+    add_report_option(parser, "soak.md")
     if parser.parse_known_args()[0].quick:
         parser.set_defaults(**QUICK)
     options = parser.parse_args()
+    with report(options.report, "The node under load for long"):
+        soak(options)
+
+
+def soak(options: Any) -> None:
+    """Start a node, put it under load, and print the table."""
     log = Path(tempfile.mkdtemp(prefix="gpis_soak_")) / "node.log"
     node = LiveNode(log, {})
     with node, Clients("soak", 1) as client:
-        Soak(client, options, node.pid).report()
+        Soak(client, options, node.pid).print()
     text = log.read_text(errors="replace")
     print(f"| exit code; tracebacks in the log | {node.end()}; {text.count('Traceback')} |")
 
@@ -106,7 +114,7 @@ class Soak:
     def __init__(self, client: Clients, options: Any, pid: int) -> None:
         self._client, self._options, self._pid = client, options, pid
 
-    def report(self) -> None:
+    def print(self) -> None:
         """Print the table."""
         for mesh_id in MESHES if "mix" in self._options.only else ("mug", "sphere"):
             answer = None

@@ -42,6 +42,8 @@ PHASES = (
     ("the rest", (stages.WHOLE,)),
 )
 _ATTEMPTS = "attempts"
+_RATE = "attempts a second"
+_EVERY = 3  # hand is closed again for the phases of an attempt
 
 
 def measure(part_id: str, attempts: int) -> dict[str, float]:
@@ -53,24 +55,25 @@ def measure(part_id: str, attempts: int) -> dict[str, float]:
     with recording(CompiledEvaluator) as recorded:
         spent = stages.measure(part_id, attempts)
     evaluator = recorded[0][0]
-    T = np.concatenate([one for _, one, _ in recorded])
-    start = np.concatenate([one for _, _, one in recorded])
+    T = np.concatenate([one for _, one, _ in recorded])[::_EVERY]
+    start = np.concatenate([one for _, _, one in recorded])[::_EVERY]
     of_attempts = attempt_phases.seconds(evaluator, T, start)
+    alone = sum(of_attempts.values())
     found: dict[str, float] = {"made": spent["attempts"]}
     for phase, names in PHASES:
         seconds = sum(spent.get(name, 0.0) for name in names)
         if phase != _ATTEMPTS:
             found[phase] = seconds
             continue
-        found["in attempts"] = seconds
-        for name, alone in of_attempts.items():
-            found[f"attempt: {name}"] = seconds * alone / sum(of_attempts.values())
+        found[_RATE] = spent["attempts"] / seconds
+        for name, of_phase in of_attempts.items():
+            found[f"attempt: {name}"] = seconds * of_phase / alone
     return found
 
 
 def table(runs: dict[str, dict[str, float]]) -> list[str]:
     """Markdown: milliseconds in the mean of the parts, the least and the most part, shares."""
-    names = [n for n in next(iter(runs.values())) if n not in ("made", "in attempts")]
+    names = [n for n in next(iter(runs.values())) if n not in ("made", _RATE)]
     total = sum(run[n] for run in runs.values() for n in names)
     rows = ["| phase | ms | of the parts | share |", "|---|---|---|---|"]
     for name in names:
@@ -80,13 +83,13 @@ def table(runs: dict[str, dict[str, float]]) -> list[str]:
             f"| {name} | {statistics.mean(each):.1f} | {min(each):.1f} to {max(each):.1f} | "
             f"{share:.1f} % |"
         )
-    rate = [run["made"] / run["in attempts"] for run in runs.values()]
+    rate = [run[_RATE] for run in runs.values()]
     made = statistics.mean(run["made"] for run in runs.values())
     return [
         *rows,
         "",
         f"{len(runs)} parts, {made:.0f} attempts each: {len(rate) / sum(1 / r for r in rate):.0f} "
-        f"attempts a second of processor time in the compiled attempt ({min(rate):.0f} to "
+        f"attempts a second of processor time within the plan ({min(rate):.0f} to "
         f"{max(rate):.0f} by part).",
     ]
 

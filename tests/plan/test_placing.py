@@ -192,9 +192,9 @@ def test_a_plan_for_this_very_place_needs_no_search(planner, mug, table):
         g.T_object_palm.tobytes() for g in first.grasps
     ]
     assert "searching" not in again.phase_s
-    # Its funnel is its own: of what was kept, not of the search that found it.
+    # Its funnel is its own: of the plan's grasps, not of the search that found them.
     assert again.funnel.last is Step.CLEAR
-    assert again.funnel.proposed == len(first.grasps) + len(first.reserve)
+    assert again.funnel.proposed == len(first.grasps)
     # the table a hand's breadth lower is another place: what is known competes with a search
     lower = SupportPlane(table.surroundings.support.point - [0, 0, 0.1], np.array([0.0, 0, 1]))
     other = planner.answer(mug, REQUEST, replace(table, surroundings=Surroundings(lower)))

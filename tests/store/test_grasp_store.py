@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +19,7 @@ from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.plan.document import document_of
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.store_settings import StoreSettings
+from gpis_grasp_planner.store import record
 from gpis_grasp_planner.store.conditions import Conditions
 from gpis_grasp_planner.store.grasp_store import GraspStore, store_path
 from gpis_grasp_planner.store.record import Record
@@ -98,14 +101,14 @@ def test_a_larger_plan_serves_a_smaller_request_and_other_names_of_the_mesh(stor
 
 
 def test_several_places_of_a_part_are_kept(store, box, plan):
-    record = record_of(box, plan)
+    made = record_of(box, plan)
     for place in (TABLE, FAR_TABLE):
-        store.put(at(record, place))
+        store.put(at(made, place))
     assert find(store, box, plan.request, LOW_TABLE).record.result.place == TABLE.as_mapping()
     assert find(store, box, plan.request, FAR_TABLE).same_place
     assert not find(store, box, plan.request).same_place
     assert find(store, box, plan.request, elsewhere=False) is None
-    store.put(at(record, LOW_TABLE))  # like TABLE: takes its place
+    store.put(at(made, LOW_TABLE))  # like TABLE: takes its place
     assert len(store.entries()) == 2
 
 
@@ -127,6 +130,40 @@ def test_what_was_not_used_for_longest_goes_first(store, box, plan):
     small.put(record_of(box, plan, seed=2))
     kept = {record.result.request.seed for _, record in small.records()}
     assert kept == {0, 2}
+
+
+def test_the_reserve_is_read_when_it_is_asked_for_and_travels_unread(store, box, plan, monkeypatch):
+    store.put(record_of(box, plan))
+    read = record._grasps
+    calls = []
+    monkeypatch.setattr(record, "_grasps", lambda *given: calls.append(given) or read(*given))
+    kept = find(store, box, plan.request).record.result
+    assert not calls
+    assert len(kept.reserve) == len(plan.reserve)
+    assert len(calls) == 1
+    monkeypatch.undo()
+    unread = find(store, box, plan.request).record.result
+    sent = pickle.loads(pickle.dumps(unread.reserve)).estimates
+    for one, other in zip(sent, plan.reserve.estimates, strict=True):
+        np.testing.assert_array_equal(one.joints, other.joints)
+
+
+def test_plans_of_programs_that_kept_all_in_one_are_read(box, plan):
+    own = record_of(box, plan)
+    text = json.dumps(own.as_mapping())
+    former = record.unpack(zlib.compress(text.encode()), "former")
+    assert former.as_mapping() == record.unpack(own.packed(), "present").as_mapping()
+
+
+def test_a_use_is_on_the_disk_when_it_is_noted(store, box, plan):
+    store.put(record_of(box, plan))
+    [before] = store.entries()
+    find(store, box, plan.request)
+    assert store.entries() == [before]
+    store.note_uses()
+    [after] = store.entries()
+    assert after.used_s > before.used_s
+    assert replace(after, used_s=before.used_s) == before
 
 
 def test_two_processes_write_at_once_and_nothing_is_lost(store, box, plan):

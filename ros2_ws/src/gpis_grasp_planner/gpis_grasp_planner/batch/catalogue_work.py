@@ -74,6 +74,7 @@ class CatalogueWork:
         )
         if found is None:
             return None
+        self.store.note_uses()
         return self._outcome(part, found.record.result, began, from_store=True, kept=True)
 
     def keep(self, part: Part, record: Record, began: float) -> Outcome:

@@ -274,7 +274,7 @@ class Cluster:
             asked = self._asked[self._ready.popleft()]
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
                 future = self._client.submit(
-                    plan_on_worker, self._work.planning, _bare(asked.part), versions(),
+                    plan_on_worker, self._work.planning, bare_part(asked.part), versions(),
                     key=asked.key,
                 )  # fmt: skip
             self._finished.add(future)
@@ -341,7 +341,7 @@ class Cluster:
             self._workers = self._client.nthreads()
 
 
-def _bare(part: Part) -> Part:
+def bare_part(part: Part) -> Part:
     """A part without what its meshes have computed: that is made anew of what arrives."""
     simplified = part.simplified
     return replace(

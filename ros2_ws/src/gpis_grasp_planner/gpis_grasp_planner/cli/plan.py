@@ -210,6 +210,8 @@ def _plan(
     stored = answer_with_store(planner, store, part, request, place, monitor=monitor)
     if store is not None and not stored.kept:
         status.note("gpis-grasp: this answer is not kept in the grasp store")
+    if store is not None:
+        store.note_uses()
     result = stored.answer.result
     return part, source, result, bool(place)
 

@@ -178,7 +178,8 @@ def _work(arguments: argparse.Namespace) -> CatalogueWork:
             "The grasp store is switched off (store.enabled, GPIS_GRASP_STORE), and plan-all keeps "
             "its plans there. Name a file with --set store.path=FILE."
         )
-    store.entries()  # before the work: a store that cannot be read raises here
+    with store.database.reading():  # before the work: a store that cannot be read raises here
+        pass
     from gpis_grasp_planner.batch.catalogue_work import CatalogueWork
     from gpis_grasp_planner.batch.part_planning import PartPlanning
     from gpis_grasp_planner.cli.drawing import best_grasp_drawer

@@ -7,7 +7,9 @@ they are needed: their exact quality is computed when one is promoted.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +19,53 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 Array = NDArray[np.float64]
 
 
+class LateGrasps(Sequence[Grasp]):
+    """Grasps that are read when one of them is asked for.
+
+    Parameters
+    ----------
+    read : callable
+        Reads all of them; it can be pickled, and so can what it gives.
+    """
+
+    def __init__(self, read: Callable[[], tuple[Grasp, ...]]) -> None:
+        self._read = read
+        self._grasps: tuple[Grasp, ...] | None = None
+
+    @property
+    def _all(self) -> tuple[Grasp, ...]:
+        if self._grasps is None:
+            self._grasps = self._read()
+        return self._grasps
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    @overload
+    def __getitem__(self, index: int) -> Grasp: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Grasp, ...]: ...
+    def __getitem__(self, index: Any) -> Any:
+        return self._all[index]
+
+    def __iter__(self) -> Iterator[Grasp]:
+        return iter(self._all)
+
+
 @dataclass(frozen=True, eq=False)
 class Reserve:
     """Grasps with the search's estimate of their quality, best first, and what makes it exact.
 
     Attributes
     ----------
-    estimates : tuple of Grasp
+    estimates : sequence of Grasp
         Epsilon may be an upper bound, volume an estimate.
     center_of_mass : (3,) array [m]
     torque_scale : float [m]
     cone_edges : int
     """
 
-    estimates: tuple[Grasp, ...] = ()
+    estimates: Sequence[Grasp] = ()
     center_of_mass: Array = field(default_factory=lambda: np.zeros(3))
     torque_scale: float = 1.0
     cone_edges: int = 8

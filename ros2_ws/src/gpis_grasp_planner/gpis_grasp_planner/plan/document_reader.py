@@ -24,9 +24,9 @@ from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
+from gpis_grasp_planner.plan.document_contacts import read_contacts
 from gpis_grasp_planner.plan.json_node import Node
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
-from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.figures import ALWAYS, Figure, Quality
 from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
 from gpis_grasp_planner.surroundings.forbidden_region import read_regions
@@ -102,13 +102,19 @@ def parse_document(data: bytes, name: str) -> dict[str, Any]:
             f"{name} is not valid JSON: {error}. Name a document that 'plan --json' wrote.",
             ErrorCode.INVALID_DOCUMENT,
         ) from None
+    check_schema(values, name)
+    document: dict[str, Any] = values
+    return document
+
+
+def check_schema(values: Any, name: str) -> None:
+    """Refuse what is no document, or one of another version; raises as :func:`parse_document`."""
     document = Node(values, "", name)
     if not isinstance(values, dict) or values.get("schema") != SCHEMA:
         raise document.fail(f"an object whose schema is '{SCHEMA}'")
     if values.get("schema_version") != SCHEMA_VERSION:
         found = Node(values.get("schema_version"), "schema_version", name)
         raise found.fail(f"{SCHEMA_VERSION}, the one version this program reads")
-    return values
 
 
 def result_from_dict(
@@ -317,7 +323,7 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         ),
         joints=grasp["joint_positions"].vector(n),
         pregrasp_joints=grasp["pregrasp_joint_positions"].vector(n),
-        contacts=_contacts(grasp["contacts"], link_names),
+        contacts=read_contacts(grasp["contacts"], link_names),
         quality=Quality(
             grasp["epsilon"].number(low=-1.0),
             grasp["volume"].number(low=0.0),
@@ -380,20 +386,4 @@ def _trials(node: Node) -> Trials:
             )
             for outcome in outcomes
         )
-    )
-
-
-def _contacts(node: Node, link_names: Sequence[str]) -> Contacts:
-    names = frozenset({"link", "position", "normal_inward", "friction"})
-    contacts = [item.object(names) for item in node.list()]
-    if not contacts:
-        return Contacts.none()
-    for contact in contacts:
-        if contact["link"].text() not in link_names:
-            raise contact["link"].fail(f"one of {', '.join(link_names)}")
-    return Contacts(
-        positions=np.stack([c["position"].vector(3) for c in contacts]),
-        normals_inward=np.stack([c["normal_inward"].unit_vector(3) for c in contacts]),
-        friction=np.array([c["friction"].number(low=0.0) for c in contacts]),
-        links=np.array([link_names.index(c["link"].text()) for c in contacts], dtype=np.intp),
     )

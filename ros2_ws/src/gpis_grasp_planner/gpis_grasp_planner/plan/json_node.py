@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,14 @@ from gpis_grasp_planner.errors import ErrorCode, RequestError
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6
+_LARGEST = 1e300
+
+
+def are_plain(values: Sequence[Any]) -> bool:
+    """Whether all values are floating-point numbers within the limits of :meth:`Node.number`."""
+    if {*map(type, values)} != {float}:
+        return False
+    return sum(values) == sum(values) and min(values) > -_LARGEST and max(values) < _LARGEST
 
 
 class Node:
@@ -42,10 +50,10 @@ class Node:
         """
         if not isinstance(self.value, Mapping):
             raise self.fail(f"an object with the fields {', '.join(sorted(names))}")
-        values = {**(later or {}), **self.value}
-        missing = sorted(names - set(values))
-        unknown = sorted(str(name)[:40] for name in set(values) - names)
-        if missing or unknown:
+        values = {**later, **self.value} if later else self.value
+        if values.keys() != names:
+            missing = sorted(names - set(values))
+            unknown = sorted(str(name)[:40] for name in set(values) - names)
             fault = f"lacks {', '.join(missing)}" if missing else f"has unknown {unknown}"
             where = f"'{self.path}'" if self.path else "the document"
             raise RequestError(
@@ -82,7 +90,7 @@ class Node:
         value = self.value
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.fail("a number")
-        if not (abs(value) < 1e300 and low <= value <= high):
+        if not (abs(value) < _LARGEST and low <= value <= high):
             raise self.fail(f"a finite number from {low:g} to {high:g}")
         return float(value)
 
@@ -95,6 +103,10 @@ class Node:
 
     def vector(self, n: int) -> Array:
         """A list of `n` numbers."""
+        value = self.value
+        # Nearly all that is read are these: seen at once, without a node for each number.
+        if isinstance(value, list) and len(value) == n and are_plain(value):
+            return np.array(value)
         items = self.list()
         if len(items) != n:
             raise self.fail(f"a list of {n} numbers")
@@ -103,7 +115,7 @@ class Node:
     def unit_vector(self, n: int) -> Array:
         """A list of `n` numbers of length 1, normalised to the last digit."""
         vector = self.vector(n)
-        length = float(np.linalg.norm(vector))
+        length = math.sqrt(vector @ vector)
         if abs(length - 1.0) > UNIT_TOLERANCE:
             raise self.fail(f"of length 1 (it has {length:.9g})")
         return vector

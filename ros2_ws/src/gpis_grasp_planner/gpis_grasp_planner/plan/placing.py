@@ -101,13 +101,11 @@ def place_known(
             f"The known plan is of mesh {known.mesh_hash[:16]}..., the part has "
             f"{part.mesh.content_hash[:16]}.... Give a plan of this very mesh."
         )
+    same = _same_place(known, place, part.max_radius) and _same_wishes(known, request)
     with monitor.phase(Phase.PLACING):
-        # In free space nothing is blocked: the plan's own grasps are its best.
-        spare = _spare(known, request) if placing.constrained else []
-        kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
-        kept, found = placing.clear(kept)
-        chosen = _best(known, part, kept, spare, found, hold.candidates(request.n_grasps), monitor)
-        grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
+        grasps, clearances, found = (
+            _own(known, part, request, placing, hold) if same else None
+        ) or _chosen(known, part, request, placing, hold, monitor)
         of = dict(zip(map(_palm, grasps), clearances, strict=True))
         ranked, notes = hold.ranked(grasps, monitor.deadline, monitor)
     blocked = Counter[str](clearance.cause for clearance in found if clearance.cause is not None)
@@ -136,8 +134,45 @@ def place_known(
         None if support is None else support.normal,
     )
     finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
-    same = _same_place(known, place, part.max_radius) and _same_wishes(known, request)
     return KnownAnswer(answer, finished, same)
+
+
+def _own(
+    known: PlanResult, part: Part, request: PlanRequest, placing: GraspPlacing, hold: HoldRanking
+) -> tuple[list[Grasp], list[Clearance], list[Clearance]] | None:
+    """The plan's own grasps, at a place like its own: the answer, if all of them are clear here.
+
+    Not where a covariance ranks more grasps than are answered, nor for more grasps than the plan
+    was asked for.
+    """
+    if hold.needed or request.n_grasps > known.request.n_grasps:
+        return None
+    placed = placing.as_planned(known.grasps)
+    if placed is None:
+        return None
+    objective = objective_of(known, part)
+    pairs = sorted(zip(*placed, strict=True), key=lambda pair: answer_rank(pair[0], objective))[
+        : request.n_grasps
+    ]
+    return [grasp for grasp, _ in pairs], [clearance for _, clearance in pairs], placed[1]
+
+
+def _chosen(
+    known: PlanResult,
+    part: Part,
+    request: PlanRequest,
+    placing: GraspPlacing,
+    hold: HoldRanking,
+    monitor: Monitor,
+) -> tuple[list[Grasp], list[Clearance], list[Clearance]]:
+    """The best of the plan and its reserve, their clearances, and those of all looked at."""
+    # In free space nothing is blocked: the plan's own grasps are its best.
+    spare = _spare(known, request) if placing.constrained else []
+    kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
+    kept, found = placing.clear(kept)
+    chosen = _best(known, part, kept, spare, found, hold.candidates(request.n_grasps), monitor)
+    grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
+    return grasps, clearances, found
 
 
 def _same_wishes(known: PlanResult, request: PlanRequest) -> bool:
@@ -213,6 +248,10 @@ def _best(
 
 def _left_over(known: PlanResult, answered: Sequence[Grasp]) -> Reserve:
     """Everything known that is not answered here: clear or not, it may be elsewhere."""
+    if len(answered) == len(known.grasps) and all(
+        _palm(a) == _palm(b) for a, b in zip(answered, known.grasps, strict=True)
+    ):
+        return known.reserve
     taken = {_palm(grasp) for grasp in answered}
     rest = [*known.grasps, *known.reserve.estimates]
     return replace(

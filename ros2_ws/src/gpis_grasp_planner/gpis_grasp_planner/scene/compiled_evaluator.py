@@ -1,8 +1,8 @@
 """The evaluator of the search: everything from palm pose to epsilon in compiled code.
 
 Exact where it decides (contacts, collisions and gaps come from distances between the link's
-convex pieces and the mesh's triangles), quick where it only travels (distance field). Some 0.3
-to 1 ms an attempt on one core.
+convex pieces and the mesh's triangles), quick where it only travels (distance field). Some 0.5
+to 0.8 ms an attempt on one core.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.store.grasp_store import Entry
-from gpis_grasp_planner.store.record import Record, read_record
+from gpis_grasp_planner.store.record import Record, parse_numbers, read_record
 
 SCHEMA = "gpis_grasp_planner/kept_plan"
 _FIELDS = {"schema", "schema_version", "made_s", "record"}
@@ -42,7 +42,7 @@ def read_lines(path: Path) -> Iterator[tuple[Record, float]]:
 
 def _read(line: str, name: str) -> tuple[Record, float]:
     try:
-        values = json.loads(line)
+        values = parse_numbers(line)
     except (ValueError, RecursionError) as error:
         raise _wrong(name, f"it is not JSON: {error}") from None
     if not isinstance(values, dict) or set(values) != _FIELDS or values["schema"] != SCHEMA:

@@ -107,6 +107,7 @@ class GraspStore:
     def __init__(self, path: Path, most_bytes: int = 2_000_000_000, wait_s: float = 5.0) -> None:
         self.database = Database(path, wait_s)
         self.most_bytes = most_bytes
+        self._uses: dict[int, float] = {}
 
     @classmethod
     def of(cls, settings: StoreSettings) -> GraspStore | None:
@@ -128,7 +129,8 @@ class GraspStore:
     ) -> Kept | None:
         """The plan to answer a request from: one for this place, else the latest for another.
 
-        Only plans of at least the request's time budget and number of grasps are taken.
+        Only plans of at least the request's time budget and number of grasps are taken. That it was
+        used is on the disk with the next :meth:`note_uses` or :meth:`put`. Some 5 ms.
 
         Parameters
         ----------
@@ -152,7 +154,7 @@ class GraspStore:
                 same = [e for e in rows if same_place(e.where(), place, part.max_radius)]
                 for entry in [*same, *(rows if elsewhere else ())]:
                     try:
-                        record = _content(connection, entry)
+                        record = _content(connection, entry, late=True)
                     except GraspPlannerError as error:
                         self._say("a plan is damaged", error)
                         continue
@@ -162,7 +164,7 @@ class GraspStore:
         except StoreFault as error:
             self._say("read", error)
             return None
-        self._used(entry)
+        self._uses[entry.id] = time.time()
         result = replace(record.result, mesh_id=part.mesh_id)  # the same mesh by another name
         return Kept(entry, replace(record, result=result), entry in same)
 
@@ -170,11 +172,22 @@ class GraspStore:
         """Keep a plan in place of a smaller or older one; whether it is on the disk."""
         try:
             with self.database.writing() as connection:
+                self._write_uses(connection)
                 self._put(connection, record, time.time())
         except StoreFault as error:
             self._say("written", error)
             return False
         return True
+
+    def note_uses(self) -> None:
+        """Write down which plans were found; 5 to 30 ms, for when the answer is out."""
+        if not self._uses:
+            return
+        try:
+            with self.database.writing() as connection:
+                self._write_uses(connection)
+        except StoreFault as error:  # one that is only read
+            self._say("written", error)
 
     def put_all(self, records: Sequence[tuple[Record, float]]) -> None:
         """Keep plans with the times when they were made, all or none.
@@ -243,6 +256,13 @@ class GraspStore:
         self._trim(connection)
 
     def _trim(self, connection: Connection) -> None:
+        # The contents are less than the pages in use; to add them up takes a look at every plan.
+        pages, free, size = (
+            int(connection.execute(f"PRAGMA {what}").fetchone()[0])
+            for what in ("page_count", "freelist_count", "page_size")
+        )
+        if (pages - free) * size <= self.most_bytes:
+            return
         sql = "SELECT id, length(content) FROM plans ORDER BY used_s"
         sizes = connection.execute(sql).fetchall()
         total = sum(size for _, size in sizes)
@@ -252,13 +272,10 @@ class GraspStore:
             connection.execute("DELETE FROM plans WHERE id = ?", (number,))
             total -= size
 
-    def _used(self, entry: Entry) -> None:
-        try:
-            with self.database.writing() as connection:
-                sql = "UPDATE plans SET used_s = ? WHERE id = ?"
-                connection.execute(sql, (time.time(), entry.id))
-        except StoreFault as error:  # one that is only read
-            self._say("written", error)
+    def _write_uses(self, connection: Connection) -> None:
+        uses = [(used_s, number) for number, used_s in self._uses.items()]
+        self._uses.clear()
+        connection.executemany("UPDATE plans SET used_s = ? WHERE id = ?", uses)
 
     def _say(self, what: str, why: object) -> None:
         if what not in GraspStore._said:
@@ -310,7 +327,7 @@ def _entry_of(result: PlanResult, conditions: Conditions, made_s: float, n_bytes
     )
 
 
-def _content(connection: Connection, entry: Entry) -> Record:
+def _content(connection: Connection, entry: Entry, *, late: bool = False) -> Record:
     name = f"Plan {entry.id} of the grasp store"
     sql = "SELECT content, sha256 FROM plans WHERE id = ?"
     row = connection.execute(sql, (entry.id,)).fetchone()
@@ -319,7 +336,7 @@ def _content(connection: Connection, entry: Entry) -> Record:
             f"{name} is {'gone' if row is None else 'damaged'}. Plan '{entry.mesh_id}' anew.",
             ErrorCode.INVALID_DOCUMENT,
         )
-    record = unpack(row[0], name)
+    record = unpack(row[0], name, late=late)
     if record.conditions.key != entry.key or record.result.mesh_hash != entry.mesh_hash:
         raise RequestError(
             f"{name} is another plan than its entry says. Plan '{entry.mesh_id}' anew.",

@@ -77,9 +77,15 @@ class OrderInbox:
                 time.sleep(ALIVE_PERIOD_S)
 
     def serve(
-        self, orders: queue.SimpleQueue[tuple[int, Any]], carry_out: Callable[..., Plan | MeshFacts]
+        self,
+        orders: queue.SimpleQueue[tuple[int, Any]],
+        carry_out: Callable[..., Plan | MeshFacts],
+        afterwards: Callable[[], None] = lambda: None,
     ) -> None:
-        """Carry out orders of a queue, one after the other, for ever."""
+        """Carry out orders of a queue, one after the other, for ever.
+
+        `afterwards` is called when an answer has been sent.
+        """
         while True:
             number, order = orders.get()
             self.send(number, WorkerAccepted())
@@ -91,6 +97,7 @@ class OrderInbox:
             answer = answer_of(carry_out, order, report, unwanted.is_set)
             del self._unwanted[number]
             self.send(number, answer)
+            afterwards()
             if isinstance(order, PlanOrder):
                 _give_memory_back()
 
@@ -141,7 +148,7 @@ def main() -> None:
         target=inbox.serve, args=(inbox.places, handler.from_known), daemon=True
     ).start()
     inbox.send(0, WorkerReady())
-    inbox.serve(inbox.plans, handler.make_plan)
+    inbox.serve(inbox.plans, handler.make_plan, handler.note_uses)
 
 
 if __name__ == "__main__":

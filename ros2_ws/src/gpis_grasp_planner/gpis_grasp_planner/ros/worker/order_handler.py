@@ -48,6 +48,7 @@ class OrderHandler:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._planner = GraspPlanner()
+        self._store = GraspStore.of(self._planner.settings.store)
         self._kept: OrderedDict[bytes, tuple[Part, PlanResult]] = OrderedDict()
         # One for each thread.
         self._parts_to_plan, self._parts_to_place = PartLoader(), PartLoader()
@@ -76,9 +77,8 @@ class OrderHandler:
             if known.mesh_hash != part.mesh.content_hash:
                 known = None  # of the file's former version
         planner = self._planner_for(order.settings)
-        store = GraspStore.of(planner.settings.store)
         stored = answer_with_store(
-            planner, store, part, order.request, place, known=known, monitor=monitor
+            planner, self._store, part, order.request, place, known=known, monitor=monitor
         )
         answer = stored.answer
         record = b""
@@ -87,6 +87,11 @@ class OrderHandler:
             self._keep(record, part, answer.result)
         plan = _plan_of(answer.result, monitor)
         return replace(plan, record=record, from_store=stored.from_store)
+
+    def note_uses(self) -> None:
+        """Write down which plans of the store were used; for when the answer has been sent."""
+        if self._store is not None:
+            self._store.note_uses()
 
     def from_known(
         self,
@@ -131,6 +136,7 @@ class OrderHandler:
         with self._lock:
             if wanted != self._planner.settings:
                 self._planner = GraspPlanner(wanted)
+                self._store = GraspStore.of(wanted.store)
             return self._planner
 
     def _keep(self, record: bytes, part: Part, result: PlanResult) -> None:

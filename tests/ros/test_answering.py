@@ -1,0 +1,215 @@
+"""Requests answered in this process by the real parts of a node: what is in an answer, and when."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Pose, PoseStamped
+from rclpy.node import Node
+from real_node import real_node
+
+from gpis_grasp_msgs.srv import PlanGrasp
+from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.ros.answering import GraspAnswering
+from gpis_grasp_planner.ros.call import Call
+from gpis_grasp_planner.ros.interfaces import Interfaces
+from gpis_grasp_planner.ros.parameters import NodeParameters
+from gpis_grasp_planner.ros.planning import Planning
+from gpis_grasp_planner.ros.request_guard import check_request
+from gpis_grasp_planner.ros.tf_listener import TfListener
+
+SETTINGS = (
+    "-p default_verification:=none -p default_planner:=hpp -p planning_grace_s:=60.0 "
+    "-p tf_wait_s:=0.0"
+)
+# T_cell_world: half a turn about z, and a step.
+T_CELL_WORLD = np.diag([-1.0, -1.0, 1.0, 1.0])
+T_CELL_WORLD[:3, 3] = [1.0, 2.0, 3.0]
+
+
+@pytest.fixture(scope="module")
+def interfaces() -> Iterator[Interfaces]:
+    """Of a node that nobody spins; tf knows the frame "cell"."""
+    with real_node(lambda c: Node("answering", context=c), SETTINGS) as node:
+        parameters = NodeParameters(node)
+        planning = Planning(node, parameters)
+        made = Interfaces(node, parameters, planning)
+        frames: TfListener = made.answering._transform.__self__  # type: ignore[attr-defined]
+        position, quat_xyzw = T_CELL_WORLD[:3, 3], np.array([0.0, 0.0, 1.0, 0.0])
+        assert frames.tree.add("cell", "world", 0, position, quat_xyzw, static=True) is None
+        yield made
+        planning.close()
+        made.close()
+
+
+@pytest.fixture
+def answering(interfaces: Interfaces) -> GraspAnswering:
+    return interfaces.answering
+
+
+def request(mesh_id: str = "sphere", **fields: Any) -> PlanGrasp.Request:
+    pose = PoseStamped()
+    pose.header.frame_id = "world"
+    pose.pose.position.x = 0.5
+    pose.pose.orientation.w = 1.0
+    values = {"time_budget": 20.0, "n_grasps": 1, "object_pose": pose, **fields}
+    return PlanGrasp.Request(mesh_id=mesh_id, **values)
+
+
+def ask(answering: GraspAnswering, asked: Any, call: Call | None = None, **how: Any) -> Any:
+    response = PlanGrasp.Response()
+    answering.answer(asked, response, call or Call(), "plan_grasp", **how)
+    return response
+
+
+@pytest.fixture(scope="module")
+def planned(interfaces: Interfaces) -> Any:
+    response = ask(interfaces.answering, request())
+    assert response.success, response.message
+    return response
+
+
+def matrix(pose: Pose) -> np.ndarray:
+    """Homogeneous matrix of a pose, by the textbook formula."""
+    q, p = pose.orientation, pose.position
+    x, y, z, w = q.x, q.y, q.z, q.w
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), p.x],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), p.y],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), p.z],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def test_a_plan_is_answered_with_what_was_asked_for(planned: Any) -> None:
+    assert planned.code == ErrorCode.SUCCESS
+    assert len(planned.grasps) == 1
+    assert planned.grasps[0].mesh_id == "sphere"
+    assert planned.grasps[0].palm_pose.header.frame_id == "world"
+    assert not planned.from_cache
+    assert planned.evaluations > 0
+    assert planned.best_attempt == []
+    assert planned.funnel[0].name == "proposed"
+    assert 0.0 < planned.elapsed < 85.0
+
+
+def test_the_same_request_is_answered_from_memory_and_moves_with_the_part(
+    answering: GraspAnswering, planned: Any
+) -> None:
+    moved = request()
+    moved.object_pose.pose.position.x = 0.25
+    again = ask(answering, moved)
+    assert again.from_cache
+    here, there = (matrix(r.grasps[0].palm_pose.pose) for r in (again, planned))
+    assert np.allclose(here[:3, :3], there[:3, :3])
+    assert np.allclose(here[:3, 3] - there[:3, 3], [-0.25, 0.0, 0.0])
+
+
+def test_the_answer_is_in_the_frame_that_the_request_names(
+    answering: GraspAnswering, planned: Any
+) -> None:
+    there = ask(answering, request(target_frame="cell"))
+    assert there.grasps[0].palm_pose.header.frame_id == "cell"
+    T_world_palm = matrix(planned.grasps[0].palm_pose.pose)
+    assert np.allclose(matrix(there.grasps[0].palm_pose.pose), T_CELL_WORLD @ T_world_palm)
+    same = ask(answering, request(target_frame="world"))
+    assert same.grasps[0].palm_pose.pose == planned.grasps[0].palm_pose.pose
+
+
+@pytest.mark.parametrize(
+    ("fields", "code"),
+    [
+        ({"mesh_id": "../mug"}, ErrorCode.INVALID_MESH_ID),
+        ({"mesh_id": "nonesuch"}, ErrorCode.UNKNOWN_MESH),
+        ({"time_budget": -1.0}, ErrorCode.TIME_BUDGET_OUT_OF_RANGE),
+        ({"planner": "guess"}, ErrorCode.UNKNOWN_PLANNER),
+        ({"object_pose": PoseStamped()}, ErrorCode.NO_POSE_ESTIMATE),
+        ({"target_frame": "no where"}, ErrorCode.EMPTY_FRAME),
+        ({"target_frame": "unheard_of"}, ErrorCode.NO_TRANSFORM),
+    ],
+)
+def test_what_is_wrong_is_told_before_any_work(
+    answering: GraspAnswering, fields: dict[str, Any], code: ErrorCode
+) -> None:
+    refused = ask(answering, request(**{"mesh_id": "mug", **fields}))
+    assert (refused.code, refused.success, refused.grasps) == (code, False, [])
+    assert refused.message
+    assert refused.evaluations == 0
+    assert (answering.last_code, answering.last_message) == (code, refused.message)
+
+
+def test_answers_are_counted_and_none_stays_in_work(answering: GraspAnswering) -> None:
+    before = answering.n_answers
+    threads = [
+        threading.Thread(target=ask, args=(answering, request("nonesuch"))) for _ in range(20)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert answering.n_answers == before + 20
+    assert answering.n_in_work == 0
+
+
+def test_from_memory_or_not_at_all(answering: GraspAnswering, planned: Any) -> None:
+    assert planned.success
+    assert ask(answering, request(), only_known=True).from_cache
+    unknown = ask(answering, request("phone"), only_known=True)
+    assert unknown.code == ErrorCode.NOTHING_KNOWN
+    assert not unknown.from_cache
+
+
+def test_an_unexpected_failure_is_answered_without_its_inside(
+    answering: GraspAnswering, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any) -> None:
+        raise ZeroDivisionError("/a/path/of/this/machine")
+
+    monkeypatch.setattr(answering._plans, "check_mesh_id", fail)
+    broken = ask(answering, request())
+    assert broken.code == ErrorCode.INTERNAL
+    assert "ZeroDivisionError" in broken.message
+    assert "/a/path" not in broken.message
+    assert answering.n_in_work == 0
+    assert "/a/path" in capfd.readouterr().err
+
+
+def test_a_call_that_nobody_wants_is_not_worked_on(answering: GraspAnswering) -> None:
+    call = Call()
+    call.cancel("The client went away.")
+    gone = ask(answering, request("phone"), call)
+    assert gone.code == ErrorCode.CANCELLED
+    assert gone.message == "The client went away."
+    assert gone.evaluations == 0
+
+
+def test_the_last_request_that_was_published_is_remembered(
+    answering: GraspAnswering, planned: Any
+) -> None:
+    assert planned.success
+    good, bad = request(), request("nonesuch")
+    ask(answering, good)
+    ask(answering, bad)
+    assert answering.last_answered is good
+
+
+def test_while_it_is_worked_on_feedback_shows_grasps_where_the_part_lies(
+    answering: GraspAnswering, planned: Any
+) -> None:
+    assert planned.success
+    call = Call()
+    assert ask(answering, request(target_frame="cell"), call).success
+    asked = check_request(0, 20.0, 1, "", "", answering._settings())
+    grasp = answering._plans.known("sphere", asked, Call()).plan.grasps[0]
+    shown = call.show(grasp)
+    assert shown.palm_pose.header.frame_id == "cell"
+    T_world_object = np.eye(4)
+    T_world_object[0, 3] = 0.5
+    expected = T_CELL_WORLD @ T_world_object @ grasp.T_object_palm
+    assert np.allclose(matrix(shown.palm_pose.pose), expected)
