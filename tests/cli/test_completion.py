@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -66,6 +67,12 @@ def test_the_code_is_of_that_shell(gpis_grasp, shell: str, tmp_path: Path) -> No
         file = tmp_path / f"code.{shell}"
         file.write_text(code)
         subprocess.run([program, "-n", str(file)], check=True)
+
+
+def test_as_json(gpis_grasp) -> None:
+    said = json.loads(gpis_grasp("completion", "fish", "--json").out)
+    assert said["shell"] == "fish"
+    assert said["code"] + "\n" == gpis_grasp("completion", "fish").out
 
 
 def test_bash_completes_with_it(tmp_path: Path) -> None:

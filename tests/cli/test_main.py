@@ -34,6 +34,11 @@ def test_help_of_every_command(gpis_grasp, name: str) -> None:
     assert answer.err == ""
 
 
+@pytest.mark.parametrize("name", sorted(set(command.COMMANDS) - {"worker"}))
+def test_every_command_that_makes_something_speaks_json(gpis_grasp, name: str) -> None:
+    assert "--json" in gpis_grasp(name, "--help").out
+
+
 def test_version(gpis_grasp) -> None:
     assert gpis_grasp("--version").out == f"gpis-grasp {__version__}\n"
 

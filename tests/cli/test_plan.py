@@ -229,7 +229,9 @@ def test_bad_requests_are_1_with_a_reason(gpis_grasp, arguments: tuple, word: st
 
 def test_render_draws_each_grasp(gpis_grasp, planned: Path, tmp_path: Path) -> None:
     picture = tmp_path / "grasp.png"
-    assert gpis_grasp("render", planned, "--picture", picture).code == 0
+    drawn = gpis_grasp("render", planned, "--picture", picture, "--json")
+    assert drawn.code == 0
+    assert json.loads(drawn.out)["picture"] == str(picture)
     with Image.open(picture) as image, Image.open(planned.with_name("best.png")) as best:
         # The pose went through a quaternion: a few pixels on edges differ by a shade.
         drawn, first = np.asarray(image, dtype=int), np.asarray(best, dtype=int)

@@ -1,5 +1,7 @@
 """What 'view' says where it cannot show anything; the page itself is in tests/view/test_page.py."""
 
+import json
+import subprocess
 import sys
 
 import pytest
@@ -39,3 +41,19 @@ def test_without_ros_it_says_what_to_source(gpis_grasp, monkeypatch):
     assert answer.code == 1
     assert "rclpy is not there" in answer.err
     assert "scripts/env.sh" in answer.err
+
+
+def test_a_program_reads_the_address_from_one_line_of_json():
+    from terminal_sessions import PROGRAM, environment
+
+    with subprocess.Popen(
+        [*PROGRAM, "view", "mug", "--json", "--port", "8331"],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        said = json.loads(process.stdout.readline())
+        process.terminate()
+        assert process.wait(30.0) == 0
+    assert said["shows"] == "mug"
+    assert said["address"].startswith("http://127.0.0.1:")

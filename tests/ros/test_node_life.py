@@ -260,3 +260,15 @@ def test_estimates_with_covariance_by_parameter(
         np.testing.assert_allclose(T_camera_palm, T_camera_object @ T_object_palm, atol=1e-9)
     client.in_executor(client.node.destroy_publisher, publisher)
     assert node.end() == 0
+
+
+def test_help_is_printed_and_nothing_is_started() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "gpis_grasp_planner.ros.node", "--help"],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=True,
+    )
+    assert "mesh_directories:=['/home/me/parts']" in done.stdout
+    assert "Ready" not in done.stdout + done.stderr

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -11,6 +12,11 @@ from gpis_grasp_planner.hand.drive import joints_from_motors
 from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.view.picture import GraspView
+
+with warnings.catch_warnings():
+    # The generator's parser, which rclpy loads with the first message type, uses sre_parse.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401
 
 
 @pytest.fixture

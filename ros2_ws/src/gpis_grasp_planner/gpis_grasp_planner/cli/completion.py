@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 
 from gpis_grasp_planner.cli.exit_codes import SUCCESS
@@ -19,13 +20,15 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the shell."""
     parser.add_argument("shell", choices=SHELLS)
+    parser.add_argument("--json", action="store_true", help="print shell and code as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the shell's code."""
     from argcomplete.shell_integration import shellcode
 
-    print(shellcode(["gpis-grasp"], shell=arguments.shell))
+    code = shellcode(["gpis-grasp"], shell=arguments.shell)
+    print(json.dumps({"shell": arguments.shell, "code": code}) if arguments.json else code)
     return SUCCESS
 
 

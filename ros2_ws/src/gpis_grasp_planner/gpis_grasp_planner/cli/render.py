@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("surface-error", "how far the implicit surface is from the mesh"),
     ):
         what.add_argument(f"--{name}", action="store_true", help=text)
+    parser.add_argument("--json", action="store_true", help="print what was drawn as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -75,6 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _check_index(arguments.document, arguments.index, len(result.grasps))
         drawing.draw_grasp(path, part, result, result.grasps[arguments.index])
+    if arguments.json:
+        print(json.dumps({"picture": str(path), "mesh_id": result.mesh_id}))
     return SUCCESS
 
 

@@ -7,6 +7,7 @@ all of them go, one row per line, without padding at the end of a line.
 from __future__ import annotations
 
 import io
+import os
 import shutil
 import sys
 import textwrap
@@ -91,7 +92,9 @@ def table_text(columns: Sequence[Column], width: int | None = None, bold: bool =
 def print_table(columns: Sequence[Column]) -> None:
     """Print a table as fits where stdout goes."""
     width = screen_width()
-    sys.stdout.write(table_text(columns, width, bold=width is not None))
+    sys.stdout.write(
+        table_text(columns, width, bold=width is not None and not os.environ.get("NO_COLOR"))
+    )
 
 
 def print_text(text: str) -> None:

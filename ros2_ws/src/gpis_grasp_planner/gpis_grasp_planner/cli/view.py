@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,6 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--host", default="127.0.0.1", help="where to listen; 127.0.0.1")
     parser.add_argument("--port", type=int, default=8080, help="the next free one from 8080 on")
+    parser.add_argument(
+        "--json", action="store_true", help="print the address as JSON, in one line, before serving"
+    )
     parser.add_argument("--mesh", metavar="MESH", help="the document's mesh, where it is elsewhere")
     options.add_hand(parser)
     options.add_mesh_file(parser)
@@ -83,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     page = GraspPage(scene, arguments.host, arguments.port)
     try:
         raise_on_signals()
-        print(f"{page.address} shows {scene.part.mesh_id}; Ctrl-C ends.", flush=True)
+        say_address(arguments, page.address, scene.part.mesh_id)
         if arguments.live:
             scene = _plan_live(arguments, scene, page)
         if arguments.model:
@@ -94,6 +98,14 @@ def run(arguments: argparse.Namespace) -> int:
     finally:
         page.close()
     return SUCCESS
+
+
+def say_address(arguments: argparse.Namespace, address: str, shown: str) -> None:
+    """Print where the page is, at once: a program may wait for it."""
+    if arguments.json:
+        print(json.dumps({"address": address, "shows": shown}), flush=True)
+    else:
+        print(f"{address} shows {shown}; Ctrl-C ends.", flush=True)
 
 
 def _settings(arguments: argparse.Namespace) -> tuple[PlannerSettings, CatalogueSettings]:

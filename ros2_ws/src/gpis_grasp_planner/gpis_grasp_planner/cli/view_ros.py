@@ -11,6 +11,8 @@ from gpis_grasp_planner.cli.interrupt import raise_on_signals
 from gpis_grasp_planner.cli.output import note
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gpis_grasp_planner.geometry.catalogue import MeshCatalogue
     from gpis_grasp_planner.geometry.part import Part
     from gpis_grasp_planner.hand.description import HandDescription
@@ -34,7 +36,12 @@ def serve(arguments: argparse.Namespace) -> int:
     settings, catalogue_settings = options.read_settings(arguments.settings, assignments)
     hand = load_hand(settings.hand.model)
     catalogue = options.catalogue_of(arguments.meshes, catalogue_settings)
-    shown = _Shown(hand, catalogue, arguments.host, arguments.port)
+    from gpis_grasp_planner.cli.view import say_address
+
+    def tell_address(address: str) -> None:
+        say_address(arguments, address, "what the node publishes")
+
+    shown = _Shown(hand, catalogue, arguments.host, arguments.port, tell_address)
     raise_on_signals()
     try:
         with GraspWatch(hand, shown.show, shown.tell, arguments.namespace) as watch:
@@ -51,10 +58,15 @@ class _Shown:
     """Brings what is seen onto a page; the part is read once as long as it is the same."""
 
     def __init__(
-        self, hand: HandDescription, catalogue: MeshCatalogue, host: str, port: int
+        self,
+        hand: HandDescription,
+        catalogue: MeshCatalogue,
+        host: str,
+        port: int,
+        tell_address: Callable[[str], None],
     ) -> None:
         self._hand, self._catalogue = hand, catalogue
-        self._host, self._port = host, port
+        self._host, self._port, self._tell_address = host, port, tell_address
         self._part: Part | None = None
         self._page: GraspPage | None = None
 
@@ -74,7 +86,7 @@ class _Shown:
         scene = GraspScene(self._part_of(seen), self._hand, place, (seen.grasp,))
         if self._page is None:
             self._page = GraspPage(scene, self._host, self._port)
-            print(f"{self._page.address} shows what the node publishes; Ctrl-C ends.", flush=True)
+            self._tell_address(self._page.address)
         else:
             self._page.show_grasps(scene)
         self._page.say(f"**{seen.mesh_id}** in the frame **{seen.frame_id}**")

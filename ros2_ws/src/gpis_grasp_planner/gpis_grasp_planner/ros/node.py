@@ -17,6 +17,16 @@ import threading
 from pathlib import Path
 
 EXIT_CONFIGURATION = 2
+HELP = """\
+usage: {name} [--ros-args [-p NAME:=VALUE] [--params-file FILE.yaml] [-r FROM:=TO] ...]
+
+Plans grasps on the service plan_grasp and the action of that name; ends on Ctrl-C.
+
+  {name} --ros-args -p "mesh_directories:=['/home/me/parts']"
+  {name} --ros-args --params-file cell.yaml
+
+Parameters: docs/parameters.md. Topics, service, action, codes: docs/node.md.
+"""
 
 
 def main_lifecycle(args: list[str] | None = None) -> int:
@@ -29,6 +39,10 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    if "--help" in (sys.argv if args is None else args)[1:]:
+        name = "grasp_planner_lifecycle_node" if lifecycle else "grasp_planner_node"
+        sys.stdout.write(HELP.format(name=name))
+        return 0
     insist_on_security()
     args = [*(sys.argv if args is None else args), *without_log_files()]
     import rclpy
