@@ -56,13 +56,18 @@ def test_the_document_says_what_was_asked_for(planned: Path) -> None:
 def test_reading_counts_and_it_is_said_where_little_was_left_for_the_search(
     gpis_grasp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = options.find_part
+    reader_of = options.reader_of
 
-    def find_slowly(*arguments: Any) -> Any:
-        time.sleep(4.0)
-        return read(*arguments)
+    def slow_reader_of(*arguments: Any) -> Any:
+        read = reader_of(*arguments)
 
-    monkeypatch.setattr(options, "find_part", find_slowly)
+        def read_slowly() -> Any:
+            time.sleep(4.0)
+            return read()
+
+        return read_slowly
+
+    monkeypatch.setattr(options, "reader_of", slow_reader_of)
     file = tmp_path / "sphere.json"
     answer = gpis_grasp(*("plan", "sphere", "--time", "6", "--verify", "none", "--json", file))
     assert "note: Reading and preparing the part took" in answer.err

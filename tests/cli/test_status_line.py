@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import select
+import sys
 import threading
 from types import SimpleNamespace
 
@@ -71,3 +73,11 @@ def test_a_narrow_terminal_is_not_wrapped(terminal, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("COLUMNS", "20")
     with StatusLine("a phase with a long name"):
         assert "a phase with a long" in terminal("a phase with")
+
+
+def test_a_note_is_written_where_stderr_is_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", text)
+    with StatusLine("loading") as status:
+        status.note("compiling")
+    assert text.getvalue() == "compiling\n"

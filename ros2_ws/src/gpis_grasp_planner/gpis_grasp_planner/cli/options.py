@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -276,7 +276,14 @@ def catalogue_of(
 def find_part(
     mesh: str, unit: str | None, catalogue: MeshCatalogue, body: str | None = None
 ) -> tuple[Part, MeshSource | None]:
-    """Load a part by catalogue ID or path, and say which file it was (None for an ID).
+    """Load a part by catalogue ID or path, and say which file it was (None for an ID)."""
+    return reader_of(mesh, unit, catalogue, body)()
+
+
+def reader_of(
+    mesh: str, unit: str | None, catalogue: MeshCatalogue, body: str | None = None
+) -> Callable[[], tuple[Part, MeshSource | None]]:
+    """What loads the part: a missing file is refused now, before the code that reads is there.
 
     A name with a directory in it is a path unless the catalogue knows it, and so is one with a
     suffix that names a file here, or with the suffix of a mesh file.
@@ -292,15 +299,17 @@ def find_part(
         raise MeshError(_no_file(path))
     in_folder = os.sep in mesh and (path.exists() or mesh not in catalogue.ids())
     if in_folder or (path.suffix and path.is_file()):
-        part = load_part(path, unit, catalogue.settings, body=body)
-        return part, MeshSource(str(path), unit, body)
+        return lambda: (
+            load_part(path, unit, catalogue.settings, body=body),
+            MeshSource(str(path), unit, body),
+        )
     for option, value in (("--unit", unit), ("--body", body)):
         if value is not None:
             raise RequestError(
                 f"{option} {value} is for mesh files; '{mesh}' is an ID of the catalogue, whose "
                 f"YAML file says it. Leave {option} out, or give the file's path (./...)."
             )
-    return catalogue.load(mesh), None
+    return lambda: (catalogue.load(mesh), None)
 
 
 def _no_file(path: Path) -> str:

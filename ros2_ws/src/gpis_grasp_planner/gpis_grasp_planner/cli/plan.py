@@ -177,8 +177,9 @@ def _plan(
     from gpis_grasp_planner.cli.preparation import ready_to_plan, timed_reading
 
     status.enter("reading")
+    read = options.reader_of(arguments.mesh, arguments.unit, catalogue, arguments.body)
     with timed_reading() as reading:
-        part, source = options.find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
+        part, source = read()
     scene = place_options.scene_of_file(arguments.scene)
     approach, forbidden = constraint_options.constraints_of(arguments, scene)
     request = PlanRequest(

@@ -89,4 +89,9 @@ class StatusLine:
     def _write(self, text: str) -> None:
         # Past Python's buffer and its lock, which a forked child could find taken.
         sys.stderr.flush()
-        os.write(sys.stderr.fileno(), text.encode())
+        try:
+            file = sys.stderr.fileno()
+        except OSError:  # Python code has put something else in its place
+            sys.stderr.write(text)
+            return
+        os.write(file, text.encode())
