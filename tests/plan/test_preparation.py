@@ -164,7 +164,7 @@ def test_what_is_late_goes_on_for_the_next_request(sphere, monkeypatch):
     with pytest.raises(PlanningError) as caught:
         preparation.of(sphere, late=lambda: True)
     assert caught.value.code is ErrorCode.DEADLINE_EXCEEDED
-    assert "ask again" in caught.value.message
+    assert "Ask again with more time" in caught.value.message
     may_end.set()
     assert preparation.of(sphere).atlas is not None
     assert calls == [1]
