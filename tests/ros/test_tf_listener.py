@@ -89,6 +89,21 @@ def test_a_transform_that_is_on_its_way_is_waited_for(heard: Heard) -> None:
     later.join()
 
 
+def test_one_that_is_only_near_in_time_is_taken_after_the_wait_alone(heard: Heard) -> None:
+    heard.say(transform("base", "camera", 2.0, 5.0))
+    heard.listener.transform("base", "camera", 5 * NS)
+    later = threading.Timer(0.3, heard.say, [transform("base", "camera", 4.0, 5.1)])
+    later.start()
+    between = 5 * NS + NS // 20
+    assert heard.listener.transform("base", "camera", between)[0, 3] == pytest.approx(3.0)
+    later.join()
+    heard.settings = replace(SETTINGS, tf_wait_s=0.3)
+    after = 5 * NS + 3 * NS // 20
+    began = time.monotonic()
+    assert heard.listener.transform("base", "camera", after)[0, 3] == 4.0
+    assert time.monotonic() - began >= 0.3
+
+
 @pytest.mark.parametrize(
     ("source", "stamp_s", "code"),
     [

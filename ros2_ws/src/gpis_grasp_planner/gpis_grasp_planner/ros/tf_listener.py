@@ -80,6 +80,9 @@ class TfListener:
     def transform(self, target: str, source: str, stamp_ns: int) -> Array:
         """T_target_source (4, 4) at a time; waits a moment for a transform that is on its way.
 
+        One that is only near in time (`tf_tolerance_s`) is taken after the wait, not before: the
+        one that follows it says where a moving frame was.
+
         Raises
         ------
         PoseError
@@ -95,10 +98,11 @@ class TfListener:
         settings = self._settings()
         end = time.monotonic() + settings.tf_wait_s
         while True:
+            left = end - time.monotonic()
+            tolerance_s = settings.tf_tolerance_s if left <= 0.0 else 0.0
             try:
-                return self.tree.look_up(target, source, stamp_ns, settings.tf_tolerance_s)
+                return self.tree.look_up(target, source, stamp_ns, tolerance_s)
             except PoseError:
-                left = end - time.monotonic()
                 if left <= 0.0:
                     raise
             with self._changed:
