@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Pose, PoseStamped
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from real_node import real_node
 
@@ -73,20 +73,6 @@ def planned(interfaces: Interfaces) -> Any:
     return response
 
 
-def matrix(pose: Pose) -> np.ndarray:
-    """Homogeneous matrix of a pose, by the textbook formula."""
-    q, p = pose.orientation, pose.position
-    x, y, z, w = q.x, q.y, q.z, q.w
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), p.x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), p.y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), p.z],
-            [0, 0, 0, 1],
-        ]
-    )
-
-
 def test_a_plan_is_answered_with_what_was_asked_for(planned: Any) -> None:
     assert planned.code == ErrorCode.SUCCESS
     assert len(planned.grasps) == 1
@@ -100,24 +86,24 @@ def test_a_plan_is_answered_with_what_was_asked_for(planned: Any) -> None:
 
 
 def test_the_same_request_is_answered_from_memory_and_moves_with_the_part(
-    answering: GraspAnswering, planned: Any
+    answering: GraspAnswering, planned: Any, tools: Any
 ) -> None:
     moved = request()
     moved.object_pose.pose.position.x = 0.25
     again = ask(answering, moved)
     assert again.from_cache
-    here, there = (matrix(r.grasps[0].palm_pose.pose) for r in (again, planned))
+    here, there = (tools.matrix(r.grasps[0].palm_pose.pose) for r in (again, planned))
     assert np.allclose(here[:3, :3], there[:3, :3])
     assert np.allclose(here[:3, 3] - there[:3, 3], [-0.25, 0.0, 0.0])
 
 
 def test_the_answer_is_in_the_frame_that_the_request_names(
-    answering: GraspAnswering, planned: Any
+    answering: GraspAnswering, planned: Any, tools: Any
 ) -> None:
     there = ask(answering, request(target_frame="cell"))
     assert there.grasps[0].palm_pose.header.frame_id == "cell"
-    T_world_palm = matrix(planned.grasps[0].palm_pose.pose)
-    assert np.allclose(matrix(there.grasps[0].palm_pose.pose), T_CELL_WORLD @ T_world_palm)
+    T_world_palm = tools.matrix(planned.grasps[0].palm_pose.pose)
+    assert np.allclose(tools.matrix(there.grasps[0].palm_pose.pose), T_CELL_WORLD @ T_world_palm)
     same = ask(answering, request(target_frame="world"))
     assert same.grasps[0].palm_pose.pose == planned.grasps[0].palm_pose.pose
 
@@ -200,7 +186,7 @@ def test_the_last_request_that_was_published_is_remembered(
 
 
 def test_while_it_is_worked_on_feedback_shows_grasps_where_the_part_lies(
-    answering: GraspAnswering, planned: Any
+    answering: GraspAnswering, planned: Any, tools: Any
 ) -> None:
     assert planned.success
     call = Call()
@@ -212,4 +198,4 @@ def test_while_it_is_worked_on_feedback_shows_grasps_where_the_part_lies(
     T_world_object = np.eye(4)
     T_world_object[0, 3] = 0.5
     expected = T_CELL_WORLD @ T_world_object @ grasp.T_object_palm
-    assert np.allclose(matrix(shown.palm_pose.pose), expected)
+    assert np.allclose(tools.matrix(shown.palm_pose.pose), expected)

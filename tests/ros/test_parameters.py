@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,7 +14,7 @@ from real_node import real_node
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.ros.parameter_groups import parameter_infos
-from gpis_grasp_planner.ros.parameters import TYPES, NodeParameters
+from gpis_grasp_planner.ros.parameters import IMPORTING, TYPES, NodeParameters
 from gpis_grasp_planner.ros.settings import READ_ONLY
 
 INFOS = parameter_infos()
@@ -173,3 +174,25 @@ def test_the_hand_is_read_only(fresh: Any) -> None:
     node, parameters = fresh
     assert parameters.hand_model == INFOS["hand.model"].default
     assert not put(node, hand__model="other")[0].successful
+
+
+@pytest.mark.parametrize("name", sorted(IMPORTING))
+def test_a_module_is_named_at_the_start_alone(name: str) -> None:
+    """Whoever can set parameters must not make the planner import what it was not started with."""
+    is_list = INFOS[name].type is tuple
+    given, other = "json:MINE", "antigravity:MEASURE"
+    with declared(f"-p {name}:=['{given}']" if is_list else f"-p {name}:={given}") as (node, _):
+        wrap = (lambda value: [value]) if is_list else (lambda value: value)
+        [refused] = node.set_parameters([Parameter(name, value=wrap(other))])
+        assert not refused.successful
+        assert other in refused.reason
+        assert "entry point" in refused.reason
+        for taken in (given, "min_weight", "min_weight"):
+            assert node.set_parameters([Parameter(name, value=wrap(taken))])[0].successful
+        [refused] = node.set_parameters([Parameter(name, value=wrap(given))])
+        assert not refused.successful  # it is gone: it would be another one now
+    assert "antigravity" not in sys.modules
+
+
+def test_what_may_import_is_what_says_so() -> None:
+    assert {name for name, info in INFOS.items() if "module:NAME" in info.description} <= IMPORTING

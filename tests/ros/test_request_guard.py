@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -203,6 +204,14 @@ def test_the_objective_is_the_requests_in_printable_letters() -> None:
     assert (plain.objective, plain.task) == ("", "")
     asked = check_request(0, 1.0, 1, "", "", SETTINGS, objective="task", task="turn 0 0 1\n")
     assert (asked.objective, asked.task) == ("task", "turn 0 0 1\\n")
+
+
+def test_a_request_names_no_module_to_import() -> None:
+    with pytest.raises(GraspPlannerError, match=r"objective\.name") as caught:
+        check_request(-1, 0.0, 0, "", "", SETTINGS, objective="antigravity:MEASURE")
+    assert caught.value.code is ErrorCode.INVALID_SETTING
+    assert "'antigravity:MEASURE'" in caught.value.message
+    assert "antigravity" not in sys.modules
 
 
 def test_a_negative_seed_is_refused() -> None:

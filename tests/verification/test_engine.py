@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import inverse, transform
 from gpis_grasp_planner.grasp.grasp import Grasp
@@ -45,6 +47,22 @@ def test_a_free_part_goes_as_newton_says(
     # the steps' own rule lies half a step off the integral
     assert after[:3, 3] - before[:3, 3] == pytest.approx(0.5 * acceleration * t**2, rel=0.02)
     assert after[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
+
+
+def test_an_open_flat_mesh_can_be_placed_and_let_go(
+    name: str, hand: HandDescription, make_box: Callable[..., Part]
+) -> None:
+    """A sheet that was modelled as one face has pieces with a thickness, but a flat hull."""
+    corners = np.array([[x, y, 0.0] for x in (-0.03, 0.03) for y in (-0.02, 0.02)])
+    sheet = TriangleMesh(corners, np.array([[0, 2, 1], [1, 2, 3]], dtype=np.int32))
+    part = replace(make_box(0.06, 0.04, 0.002), mesh=sheet, watertight=False)
+    plate = make_box(0.06, 0.04, 0.002).mesh.vertices
+    with make_engine(name, hand, part, VerificationSettings()) as engine:
+        engine.take_pieces([plate])
+        engine.place(transform(np.eye(3), np.array([0.0, 0.0, 1.0])), np.zeros(hand.n_joints))
+        engine.carry(0.1, damped=False)
+        engine.step(10, np.array([0.0, 0.0, -1.0]))
+        assert engine.part_pose()[2, 3] < 1.0
 
 
 @pytest.mark.parametrize(("slope", "friction"), [(0.3, 0.5), (0.5, 0.2), (0.5, 0.0)])

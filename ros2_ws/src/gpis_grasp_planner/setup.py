@@ -42,6 +42,7 @@ setup(
     install_requires=[
         "argcomplete",  # shell completion of gpis-grasp
         "fast-simplification",  # large meshes
+        "llvmlite",  # numba's: vectors of the inner loop
         "numba",  # inner loop of the search
         "numpy",
         "pybullet",  # physics

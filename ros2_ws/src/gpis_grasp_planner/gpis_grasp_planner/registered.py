@@ -18,6 +18,11 @@ def registered(group: str, ours: Collection[str] = ()) -> dict[str, EntryPoint]:
     return {point.name: point for point in found if point.name not in ours}
 
 
+def names_a_module(name: str) -> bool:
+    """Whether a name is ``module:NAME``, so that looking it up imports what it names."""
+    return ":" in name
+
+
 def find(kind: str, group: str, name: str, ours: Collection[str] = ()) -> EntryPoint:
     """The entry point of a name, or of ``module:NAME``.
 
@@ -36,7 +41,7 @@ def find(kind: str, group: str, name: str, ours: Collection[str] = ()) -> EntryP
     RequestError
         INVALID_SETTING: no such name, with the known ones.
     """
-    if ":" in name:
+    if names_a_module(name):
         return EntryPoint(name, name, group)
     others = registered(group, ours)
     if name not in others:

@@ -188,9 +188,8 @@ def near_pairs(
 
     A triangle has none where its pair's point of the polytope has a nearer point of the mesh: it
     is a pair of features then. Fills rows of `p_self` and `p_other` (k, 3) and returns the number.
-    Where there are more pairs
-    than rows, those are kept that lie apart on the mesh, so that they are of the whole contact and
-    not of its first corner. Other parameters as for `polytope_mesh`.
+    Where there are more pairs than rows, those are kept that lie apart on the mesh, so that they
+    are of the whole contact and not of its first corner. Other parameters as for `polytope_mesh`.
     """
     stack = np.empty(64, dtype=np.int64)
     stack[0] = 0

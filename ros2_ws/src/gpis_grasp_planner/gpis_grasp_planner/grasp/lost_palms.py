@@ -42,25 +42,25 @@ class EvenSample:
     ----------
     most : int
         Between a half of it and all of it are kept once so many have come.
+
+    Attributes
+    ----------
+    rows : (n, 3) array
+        What is kept.
     """
 
     def __init__(self, most: int = MOST_OF_A_CAUSE) -> None:
         self._most = most
         self._stride = 1
         self._n_seen = 0
-        self._rows: list[Array] = []
+        self.rows: Array = np.empty((0, 3))
 
     def add(self, rows: ArrayLike) -> None:
         """Take the next rows (n, 3)."""
-        for row in np.asarray(rows, dtype=float).reshape(-1, 3):
-            if self._n_seen % self._stride == 0:
-                self._rows.append(row)
-                if len(self._rows) > self._most:
-                    self._rows = self._rows[::2]
-                    self._stride *= 2
-            self._n_seen += 1
-
-    @property
-    def rows(self) -> Array:
-        """What is kept, (n, 3)."""
-        return np.array(self._rows).reshape(-1, 3)
+        rows = np.asarray(rows, dtype=float).reshape(-1, 3)
+        first = -self._n_seen % self._stride
+        self._n_seen += len(rows)
+        self.rows = np.concatenate([self.rows, rows[first :: self._stride]])
+        while len(self.rows) > self._most:
+            self.rows = self.rows[::2].copy()
+            self._stride *= 2

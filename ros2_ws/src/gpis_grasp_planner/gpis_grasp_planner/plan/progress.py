@@ -102,9 +102,10 @@ class Monitor:
         reading_s: float = 0.0,
     ):
         self.now = clock
-        self.start = clock() - reading_s
+        now = clock()
+        self.start = now - reading_s
         self.time_budget_s = time_budget_s
-        self.deadline = max(self.start + time_budget_s, clock() + 0.5 * time_budget_s)
+        self.deadline = max(self.start + time_budget_s, now + 0.5 * time_budget_s)
         self.phase_s: dict[Phase, float] = {Phase.READING: reading_s} if reading_s else {}
         self.cancelled = False
         self._on_progress = on_progress

@@ -19,7 +19,7 @@ from gpis_grasp_planner.quality.measure import HeldPart, Measure
 from gpis_grasp_planner.quality.min_weight import MIN_WEIGHT
 from gpis_grasp_planner.quality.settings import ObjectiveSettings
 from gpis_grasp_planner.quality.task import task_measure
-from gpis_grasp_planner.registered import find, load
+from gpis_grasp_planner.registered import find, load, names_a_module
 
 GROUP = "gpis_grasp_planner.measures"
 MEASURES: dict[str, Callable[[ObjectiveSettings], Measure]] = {
@@ -41,7 +41,7 @@ def make_measure(name: str, settings: ObjectiveSettings) -> Measure:
         return MEASURES[name](settings)
     point = find("measure", GROUP, name, MEASURES)
     measure = load("measure", point)
-    wanted = "with a name of its own" if ":" in name else f"named '{name}'"
+    wanted = "with a name of its own" if names_a_module(name) else f"named '{name}'"
     if not isinstance(measure, Measure) or not _may_be_named(measure.figure.name, name):
         raise RequestError(
             f"'{name}' ({point.value}) is {measure!r}; it must be a Measure whose figure is "
@@ -52,7 +52,7 @@ def make_measure(name: str, settings: ObjectiveSettings) -> Measure:
 
 def _may_be_named(figure: str, name: str) -> bool:
     ours = {*MEASURES, *(always.name for always in ALWAYS)}
-    return figure not in ours if ":" in name else figure == name
+    return figure not in ours if names_a_module(name) else figure == name
 
 
 def measured(held: HeldPart, measures: Iterable[Measure]) -> dict[str, float]:

@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter
 from gpis_grasp_planner.arm.settings import ArmSettings
 from gpis_grasp_planner.errors import GraspPlannerError, RequestError
 from gpis_grasp_planner.hand.settings import HandSettings
+from gpis_grasp_planner.registered import names_a_module
 from gpis_grasp_planner.ros.parameter_groups import parameter_groups, parameter_infos
 from gpis_grasp_planner.ros.settings import READ_ONLY, NodeSettings
 from gpis_grasp_planner.ros.text import printable
@@ -40,6 +41,8 @@ IN_WORDS = {
     str: "a text",
     tuple: "a list of texts, such as \"['/one', '/two']\"",
 }
+# What may be ``module:NAME``.
+IMPORTING = frozenset({"objective.name", "objective.report", "constraints.names"})
 # Parameters that rclpy itself knows.
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
@@ -138,13 +141,30 @@ class NodeParameters:
         return groups
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        changes = {p.name: p.value for p in parameters if p.name in self._infos}
         try:
-            self._built({p.name: p.value for p in parameters if p.name in self._infos})
+            self._built(changes)
+            for name in IMPORTING & changes.keys():
+                self._refuse_other_modules(name, changes[name])
         except GraspPlannerError as error:
             return SetParametersResult(successful=False, reason=error.message)
         except Exception as error:
             return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         return SetParametersResult(successful=True)
+
+    def _refuse_other_modules(self, name: str, value: Any) -> None:
+        """Refuse a module that the parameter does not name now: importing it runs its code."""
+        info = self._infos[name]
+        now, then = (
+            {v for v in _texts(name, info, each) if names_a_module(v)}
+            for each in (self._node.get_parameter(name).value, value)
+        )
+        if then - now:
+            raise RequestError(
+                f"Parameter '{name}' was given {printable(', '.join(sorted(then - now)), 100)}: a "
+                "module is imported only where it is named when the node starts. Start the node "
+                "with it, or register it by an entry point."
+            )
 
     def _take(self, _parameters: list[Parameter]) -> None:
         self._groups = self._built({})
@@ -182,6 +202,12 @@ def _value(name: str, info: SettingInfo, value: Any) -> Any:
             f"Parameter '{name}' was given {value!r:.100}; it takes {IN_WORDS[tuple]}."
         )
     return tuple(values)
+
+
+def _texts(name: str, info: SettingInfo, value: Any) -> tuple[str, ...]:
+    """The text of a parameter, or all of its list."""
+    value = _value(name, info, value)
+    return value if isinstance(value, tuple) else (value,)
 
 
 def _written(default: Any) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.plan.request import TIME_BUDGET_RANGE_S, PlanRequest
+from gpis_grasp_planner.registered import names_a_module
 from gpis_grasp_planner.ros.settings import PLANNER_NAMES, NodeSettings
 from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
 from gpis_grasp_planner.surroundings.covariance import check_covariance
@@ -92,6 +93,12 @@ def check_request(
             f"The planner '{printable(planner, 40)}' is unknown; choose one of "
             f"{', '.join(PLANNER_NAMES)}, or leave it empty for {settings.default_planner}.",
             ErrorCode.UNKNOWN_PLANNER,
+        )
+    if names_a_module(objective):
+        raise RequestError(
+            f"The objective is '{printable(objective, 64)}'; a request may name a measure that is "
+            "known or installed. A module of your own is imported where the node is started: give "
+            "it as the parameter objective.name."
         )
     return PlanRequest(
         planner=planner or settings.default_planner,

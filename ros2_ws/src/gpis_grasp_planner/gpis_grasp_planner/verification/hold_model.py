@@ -85,24 +85,21 @@ class HoldModel:
             Logistic(np.array(_FURTHER), precision),
         )
         self._first, self._further = self._priors
-        self._seen: dict[bytes, tuple[Grasp, Sequence[TrialOutcome]]] = {}
+        # Features, share of the drawn surfaces, and outcomes of each grasp.
+        self._seen: dict[bytes, tuple[Array, float, Sequence[TrialOutcome]]] = {}
 
     def learn(self, grasp: Grasp, outcomes: Sequence[TrialOutcome]) -> None:
         """Take the outcomes of a grasp so far, in place of what was told of it before (0.4 ms)."""
         key = grasp.T_object_palm.tobytes() + grasp.pregrasp_joints.tobytes()
-        self._seen[key] = grasp, tuple(outcomes)
-        x = np.array([features_of(grasp) for grasp, _ in self._seen.values()])
-        first = np.array([outcomes[0].passed for _, outcomes in self._seen.values()], dtype=float)
+        self._seen[key] = features_of(grasp), _surface_hold(grasp), tuple(outcomes)
+        features, surface_hold, seen = zip(*self._seen.values(), strict=True)
+        x = np.array(features)
+        first = np.array([outcomes[0].passed for outcomes in seen], dtype=float)
         self._first = self._priors[0].updated(x, first, np.ones(len(x)))
-        further = [outcomes[1:] for _, outcomes in self._seen.values()]
-        # Where its surface lets a grasp fall, that says nothing of how such grasps hold.
-        n = np.array(
-            [
-                max(_surface_hold(each) * len(outcomes), sum(o.passed for o in outcomes))
-                for (each, _), outcomes in zip(self._seen.values(), further, strict=True)
-            ]
-        )
+        further = [outcomes[1:] for outcomes in seen]
         passed = np.array([sum(o.passed for o in each) for each in further], dtype=float)
+        # Where its surface lets a grasp fall, that says nothing of how such grasps hold.
+        n = np.maximum(np.array(surface_hold) * np.array([len(each) for each in further]), passed)
         self._further = self._priors[1].updated(x, passed * _SHARE, n * _SHARE)
 
     def posterior(self, grasp: Grasp, outcomes: Sequence[TrialOutcome]) -> BetaPosterior:

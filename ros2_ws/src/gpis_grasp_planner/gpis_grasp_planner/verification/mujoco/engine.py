@@ -36,6 +36,12 @@ from gpis_grasp_planner.verification.settings import VerificationSettings
 Array = NDArray[np.float64]
 
 _SUPPORT_RATE = 100.0  # 1/s, at which a support takes a part's velocity
+# What this class changes of a compiled model and its state.
+_SET_IN_MODEL = (
+    "body_pos", "body_quat", "body_mass", "body_inertia", "dof_damping", "dof_frictionloss",
+    "actuator_forcerange",
+)  # fmt: skip
+_SET_IN_DATA = ("qpos", "qvel", "ctrl", "xfrc_applied")
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -55,8 +61,6 @@ class MujocoEngine:
         self.step_s = 1.0 / settings.mujoco_rate_hz
         self._moments, axes = inertia_of(part)
         self._T_part_body = transform(axes, part.center_of_mass)
-        vertices = part.working_mesh.vertices
-        self._hull = vertices[ConvexHull(vertices, qhull_options="QJ").vertices]
         self._moving = [
             joint
             for joint in (int(hand.link_joint[link]) for link in range(hand.n_links))
@@ -83,13 +87,16 @@ class MujocoEngine:
     def take_pieces(self, pieces: Sequence[Array]) -> None:
         """Make the part anew of convex pieces (n, 3) in its frame. Some 0.3 ms a piece."""
         T_body_part = inverse(self._T_part_body)
-        moved = [apply(T_body_part, piece) for piece in pieces]
-        hull = apply(T_body_part, self._hull)
-        model = self.model = build_model(self.hand, moved, hull, self._moments, self.step_s)
-        self.data, self._scratch = mujoco.MjData(model), mujoco.MjData(model)
+        self._pieces = [apply(T_body_part, piece) for piece in pieces]
         self.n_pieces = len(pieces)
+        self._build()
+
+    def _build(self, hull: Array | None = None) -> None:
+        model = build_model(self.hand, self._pieces, self._moments, self.step_s, hull)
+        self.model = model
+        self.data, self._scratch = mujoco.MjData(model), mujoco.MjData(model)
         self._object = model.body(PART_BODY).id
-        self._plane = model.geom(PLANE_GEOM).id
+        self._plane = -1 if hull is None else model.geom(PLANE_GEOM).id
         self._pose = slice(*(model.jnt_qposadr[model.body_jntadr[self._object]] + [0, 7]))
         self._speed = slice(*(model.jnt_dofadr[model.body_jntadr[self._object]] + [0, 6]))
         self._bodies = [model.body(link_body(link)).id for link in range(self.hand.n_links)]
@@ -118,17 +125,37 @@ class MujocoEngine:
         data.qpos[self._pose] = [*position, *np.roll(quat_xyzw, 1)]
         for joint, index in self._angle_at.items():
             data.qpos[index] = joints[joint]
-        model.geom_pos[self._plane] = FAR_BELOW
+        if self._plane >= 0:
+            model.geom_pos[self._plane] = FAR_BELOW
         mujoco.mj_forward(model, data)
 
     def lay_on(self, T_palm_plane: Array | None, friction: float) -> None:
-        """Put a plane under the part, z away from it; None: take it away."""
+        """Put a plane under the part, z away from it; None: take it away.
+
+        The first plane costs a new model (10 to 20 ms): trials without one have none.
+        """
+        if self._plane < 0:
+            if T_palm_plane is None:
+                return
+            self._add_plane()
         model, plane = self.model, self._plane
         T = transform(np.eye(3), FAR_BELOW) if T_palm_plane is None else T_palm_plane
         model.geom_pos[plane], quat_xyzw = to_position_quat_xyzw(T)
         model.geom_quat[plane] = np.roll(quat_xyzw, 1)
         model.geom_friction[plane, 0] = friction
         mujoco.mj_forward(self.model, self.data)
+
+    def _add_plane(self) -> None:
+        """The same model and state with a plane that the part's hull can meet."""
+        model, data = self.model, self.data
+        vertices = self.part.working_mesh.vertices
+        corners = vertices[ConvexHull(vertices, qhull_options="QJ").vertices]
+        self._build(apply(inverse(self._T_part_body), corners))
+        for name in _SET_IN_MODEL:
+            getattr(self.model, name)[:] = getattr(model, name)
+        for name in _SET_IN_DATA:
+            getattr(self.data, name)[:] = getattr(data, name)
+        mujoco.mj_setConst(self.model, self._scratch)
 
     def carry(self, mass_kg: float, damped: bool) -> None:
         """Give the part a mass, and a support that lets it move slowly, or none."""

@@ -47,9 +47,9 @@ _NOT_PARALLEL = (0.9987502604, 0.05, 0.0, 0.0)
 def build_model(
     hand: HandDescription,
     pieces: Sequence[Array],
-    hull: Array,
     moments: Array,
     step_s: float,
+    hull: Array | None = None,
 ) -> mujoco.MjModel:
     """Compile a model of a hand and of a free part of 1 kg.
 
@@ -58,11 +58,12 @@ def build_model(
     hand : HandDescription
     pieces : sequence of (n, 3) arrays [m]
         Convex pieces of the part, in the frame of its principal axes at the centre of mass.
-    hull : (k, 3) array [m]
-        Corners of the whole part's hull, in the same frame.
     moments : (3,) array [m^2]
         Principal moments of inertia per mass.
     step_s : float
+    hull : (k, 3) array [m], optional
+        Corners of the whole part's hull, in the pieces' frame: with it there is a plane, which
+        nothing but the hull meets. It must have a volume.
 
     Returns
     -------
@@ -95,7 +96,13 @@ def build_model(
     part.mass, part.inertia = 1.0, moments
     for number, points in enumerate(pieces):
         _add_hull(spec, part, f"piece {number}", points, _PART)
-    # What lies on a plane touches it with the corners of its hull, whatever pieces there are.
+    if hull is not None:
+        _add_plane(spec, part, hull)
+    return spec.compile()
+
+
+def _add_plane(spec: mujoco.MjSpec, part: mujoco.MjsBody, hull: Array) -> None:
+    """A plane far away. What lies on it touches it with corners of its hull, not with pieces."""
     _add_hull(spec, part, "hull", hull, _PLANE)
     spec.worldbody.add_geom(
         name=PLANE_GEOM,
@@ -110,7 +117,6 @@ def build_model(
         solref=(_CONTACT_TIME_S, 1.0),
         solimp=_CONTACT_IMPEDANCE,
     )
-    return spec.compile()
 
 
 def spread_joints(hand: HandDescription) -> set[int]:
