@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import shutil
@@ -251,6 +252,12 @@ def tools() -> Any:
         max_pose_age_s = MAX_POSE_AGE_S
 
     return Tools
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _nodes_of_other_files_are_gone() -> None:
+    """A node of this process stays in the graph until the collector has all that refers to it."""
+    gc.collect()
 
 
 @pytest.fixture(scope="module")

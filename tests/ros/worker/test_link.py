@@ -120,7 +120,8 @@ def test_an_interruption_wakes_once_and_loses_no_message(link: WorkerLink) -> No
     replies = link.send(order("mug"))
     replies.interrupt()
     seen: list[object] = []
-    while not any(isinstance(message, MeshFacts) for message in seen):
+    # On a busy machine the answer may be there before the interruption is.
+    while "interrupted" not in seen or not any(isinstance(m, MeshFacts) for m in seen):
         try:
             seen.append(replies.get(LIMIT_S))
         except InterruptedError:
