@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 import trimesh
 from clusters import OTHER_VERSION, Cluster, kill_in_the_middle, part_under_way
-from terminal_sessions import in_pipe
+from terminal_sessions import PROGRAM, environment, in_pipe
 
 from gpis_grasp_planner.plan.document import document_of
 from gpis_grasp_planner.store.grasp_store import GraspStore
@@ -136,6 +137,16 @@ def test_a_scheduler_that_is_lost_ends_the_command_with_what_to_do(tree, tmp_pat
     assert err.splitlines()[-1].startswith("gpis-grasp: error: The scheduler tcp://127.0.0.1:")
     assert "the same command goes on" in err
     worker.wait(timeout=60.0)  # and its child with it
+
+
+def test_a_worker_says_as_json_whom_it_serves(cluster):
+    command = [*PROGRAM, "worker", cluster.address, "--jobs", "2", "--json"]
+    with subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True) as worker:
+        said = json.loads(worker.stdout.readline())
+        assert said.pop("worker").startswith("tcp://127.0.0.1:")
+        assert said == {"jobs": 2, "scheduler": cluster.address}
+        worker.send_signal(signal.SIGTERM)
+        assert worker.wait(timeout=60.0) == 0
 
 
 def test_a_worker_of_another_version_plans_nothing(tree, tmp_path, cluster):

@@ -91,3 +91,18 @@ def test_plan_explained_draws_where_hands_were_lost(gpis_grasp, tmp_path: Path) 
         width, height = image.size
     assert height == 750
     assert width > 2000  # the grasp, the lost palms, their legend
+
+
+def test_json_says_which_grasp_was_drawn_and_what_else(gpis_grasp, document: Path) -> None:
+    grasps = json.loads(document.read_text())["grasps"]
+    path = document.with_name("second.png")
+    answer = gpis_grasp("render", document, "--index", "1", "--picture", path, "--json")
+    said = json.loads(answer.out)
+    assert said == {
+        "picture": str(path),
+        "mesh_id": "mug",
+        "index": 1,
+        "epsilon": pytest.approx(grasps[1]["epsilon"]),
+    }
+    answer = gpis_grasp("render", document, "--sheet", "--picture", path, "--json")
+    assert json.loads(answer.out) == {"picture": str(path), "mesh_id": "mug"}

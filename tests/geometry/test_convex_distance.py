@@ -39,7 +39,7 @@ def poses(rng, n):
 def query(tree, link, R, t, limit=1.0, seed=-1):
     return polytope_mesh(
         np.ascontiguousarray(link @ R.T + t), R, t, link.min(axis=0), link.max(axis=0), limit,
-        seed, tree.triangles, tree.lower, tree.upper, tree.child,
+        seed, tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs,
     )  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def test_near_pairs_are_complete_and_right(tree, link, rng):
         brute = brute[near[nearest >= 0.999 * brute[near] - 1e-9]]
         count = near_pairs(
             vertices, R, t, link.min(axis=0), link.max(axis=0), limit,
-            tree.triangles, tree.lower, tree.upper, tree.child, p_self, p_other,
+            tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, p_self, p_other,
         )  # fmt: skip
         gaps = np.linalg.norm(p_self[:count] - p_other[:count], axis=1)
         np.testing.assert_allclose(np.sort(gaps), np.sort(brute), atol=1e-10)
@@ -137,7 +137,7 @@ def test_near_pairs_fill_what_they_are_given_and_no_more(tree, link):
     R, t = np.eye(3), np.array([0.0, 0.0, 0.05])
     count = near_pairs(
         link + t, R, t, link.min(axis=0), link.max(axis=0), 1.0,
-        tree.triangles, tree.lower, tree.upper, tree.child, p_self[:3], p_other[:3],
+        tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, p_self[:3], p_other[:3],
     )  # fmt: skip
     assert 1 <= count <= 3
     np.testing.assert_array_equal(p_self[3], 9.0)
@@ -183,7 +183,7 @@ def test_pairs_of_a_fine_mesh_are_of_the_whole_contact():
     p_self, p_other = np.empty((64, 3)), np.empty((64, 3))
     count = near_pairs(
         plate + t, R, t, plate.min(axis=0), plate.max(axis=0), 0.001,
-        fine.triangles, fine.lower, fine.upper, fine.child, p_self, p_other,
+        fine.triangles, fine.lower, fine.upper, fine.child, fine.slabs, p_self, p_other,
     )  # fmt: skip
     assert 16 < count <= 64
     gaps = np.linalg.norm(p_self[:count] - p_other[:count], axis=1)

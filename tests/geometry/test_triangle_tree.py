@@ -108,3 +108,44 @@ def test_the_share_done_is_told_in_order(mesh, monkeypatch):
     assert shares == sorted(shares)
     assert shares[0] == 0.0
     assert 0.5 < shares[-1] < 1.0
+
+
+@pytest.fixture(scope="module")
+def fine_ball():
+    """A ball of 81,920 triangles."""
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=0.04)
+    return TriangleTree.of(TriangleMesh(ball.vertices, np.asarray(ball.faces, np.int32)))
+
+
+def triangles_of(tree, node):
+    a, b = tree.child[node]
+    if a < 0:
+        return tree.triangles[-1 - a : -1 - a + b]
+    return np.concatenate([triangles_of(tree, a), triangles_of(tree, b)])
+
+
+def test_a_small_mesh_has_no_slabs(tree):
+    assert tree.slabs.shape == (0, 5)
+
+
+def test_slabs_hold_their_triangles_and_are_thin_where_the_surface_is_smooth(fine_ball):
+    tree, rng = fine_ball, np.random.default_rng(5)
+    assert tree.slabs.shape == (len(tree.child), 5)
+    has_one = np.linalg.norm(tree.slabs[:, :3], axis=1) > 0.5
+    assert not has_one[0]
+    for node in rng.choice(np.flatnonzero(has_one), 60):
+        normal, low, high = tree.slabs[node, :3], *tree.slabs[node, 3:]
+        corners = triangles_of(tree, node).reshape(-1, 3)
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        heights = corners @ normal
+        assert (heights.min(), heights.max()) == pytest.approx((low, high), abs=1e-12)
+        # Of a cap the height is at most (diameter / 2)^2 / radius.
+        size = np.linalg.norm(np.ptp(corners, axis=0))
+        assert high - low <= 1.05 * (0.5 * size) ** 2 / 0.04
+
+
+def test_nodes_without_a_slab_are_those_with_many_triangles(fine_ball):
+    tree = fine_ball
+    none = np.flatnonzero(np.linalg.norm(tree.slabs[:, :3], axis=1) == 0.0)
+    assert {len(triangles_of(tree, node)) > 4096 for node in none} == {True}
+    assert len(none) == 31  # of 32 with 2560 each, and all above them

@@ -199,3 +199,45 @@ def test_while_it_is_worked_on_feedback_shows_grasps_where_the_part_lies(
     T_world_object[0, 3] = 0.5
     expected = T_CELL_WORLD @ T_world_object @ grasp.T_object_palm
     assert np.allclose(tools.matrix(shown.palm_pose.pose), expected)
+
+
+def test_many_that_need_a_search_are_busy_before_they_are_looked_at(
+    interfaces: Interfaces, planned: Any
+) -> None:
+    answering, calls, refused = interfaces.answering, list[Call](), list[Any]()
+    size = answering._settings().queue_size
+    for seed in range(100, 120 + size):
+        response, call = PlanGrasp.Response(), Call()
+        before = answering.n_answers
+        if answering.admits(request(seed=seed), response, call, "plan_grasp"):
+            calls.append(call)
+            assert answering.n_answers == before
+        else:
+            refused.append(response)
+            assert answering.n_answers == before + 1
+    assert (len(calls), len(refused)) == (size + 1, 19)
+    assert {answer.code for answer in refused} == {ErrorCode.BUSY}
+    assert not any(answer.success or answer.grasps for answer in refused)
+    # Neither what is in memory nor what is wrong is told to call again.
+    assert answering.admits(request(), PlanGrasp.Response(), Call(), "plan_grasp")
+    assert answering.admits(request("nonesuch"), PlanGrasp.Response(), Call(), "plan_grasp")
+    wrong = PlanGrasp.Response()
+    assert not answering.admits(request(time_budget=-1.0), wrong, Call(), "plan_grasp")
+    assert wrong.code == ErrorCode.TIME_BUDGET_OUT_OF_RANGE
+    for call in calls:
+        answering._plans.release(call)
+    again = Call()
+    assert answering.admits(request(seed=100), PlanGrasp.Response(), again, "plan_grasp")
+    answering._plans.release(again)
+
+
+def test_a_request_that_failed_keeps_no_place(answering: GraspAnswering, planned: Any) -> None:
+    for seed in range(50):
+        asked, response, call = (
+            request(seed=seed, target_frame="no where"),
+            PlanGrasp.Response(),
+            Call(),
+        )
+        assert answering.admits(asked, response, call, "plan_grasp")
+        answering.answer(asked, response, call, "plan_grasp")
+        assert response.code == ErrorCode.EMPTY_FRAME

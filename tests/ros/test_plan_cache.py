@@ -10,12 +10,16 @@ import pytest
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.plan.request import PlanRequest
-from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
+from gpis_grasp_planner.ros.plan_cache import PlanCache, PlanKey, plan_key
 from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
 from gpis_grasp_planner.surroundings.obstacles import SupportPlane, Surroundings
 from gpis_grasp_planner.surroundings.place import Place
 
 ORDER = PlanOrder("mug", ("/parts",), PlanRequest(), {"scene": {"cone_edges": 8}})
+
+
+def key(digest: str) -> PlanKey:
+    return PlanKey("mug", 0, digest)
 
 
 def plan(name: str) -> Plan:
@@ -68,17 +72,17 @@ def test_plans_for_several_places_are_kept_side_by_side() -> None:
     free, low = plan("free"), replace(plan("low"), place=TABLE.as_mapping())
     high = replace(plan("high"), place=table(-0.03).as_mapping())
     for each in (free, low, high):
-        cache.put("k", each)
-    assert cache.get("k") is free
-    assert cache.get("k", TABLE) is low
-    assert cache.get("k", table(-0.0301)) is high
+        cache.put(key("k"), each)
+    assert cache.get(key("k")) is free
+    assert cache.get(key("k"), TABLE) is low
+    assert cache.get(key("k"), table(-0.0301)) is high
     # elsewhere the one that was last used is the beginning of a new plan
-    assert cache.get("k", table(-0.2)) is high
+    assert cache.get(key("k"), table(-0.2)) is high
     newer = replace(plan("newer"), place=table(-0.051).as_mapping())
-    cache.put("k", newer)
-    assert cache.get("k", TABLE) is newer
+    cache.put(key("k"), newer)
+    assert cache.get(key("k"), TABLE) is newer
     assert len(cache) == 3
-    assert cache.get("other", TABLE) is None
+    assert cache.get(key("other"), TABLE) is None
 
 
 def test_the_file_is_in_the_key() -> None:
@@ -88,20 +92,20 @@ def test_the_file_is_in_the_key() -> None:
 def test_the_least_recently_used_goes_first() -> None:
     cache = PlanCache(2)
     first, second, third = plan("first"), plan("second"), plan("third")
-    cache.put("1", first)
-    cache.put("2", second)
-    assert cache.get("1") is first
-    cache.put("3", third)
-    assert cache.get("2") is None
-    assert cache.get("1") is first
-    assert cache.get("3") is third
+    cache.put(key("1"), first)
+    cache.put(key("2"), second)
+    assert cache.get(key("1")) is first
+    cache.put(key("3"), third)
+    assert cache.get(key("2")) is None
+    assert cache.get(key("1")) is first
+    assert cache.get(key("3")) is third
     assert len(cache) == 2
 
 
 def test_a_cache_of_size_zero_keeps_nothing() -> None:
     cache = PlanCache(0)
-    cache.put("1", plan("first"))
-    assert cache.get("1") is None
+    cache.put(key("1"), plan("first"))
+    assert cache.get(key("1")) is None
 
 
 def test_before_an_arm_a_plan_is_for_one_pose() -> None:
@@ -110,9 +114,21 @@ def test_before_an_arm_a_plan_is_for_one_pose() -> None:
     cache = PlanCache(4)
     for name, T in (("near", near), ("far", far)):
         place = Place(T, T_world_arm=np.eye(4))
-        cache.put("key", replace(plan(name), place=place.as_mapping()))
+        cache.put(key("key"), replace(plan(name), place=place.as_mapping()))
     assert cache.count("near") == cache.count("far") == 1
     for name, T in (("near", near), ("far", far)):
-        found = cache.get("key", Place(T, T_world_arm=np.eye(4)))
+        found = cache.get(key("key"), Place(T, T_world_arm=np.eye(4)))
         assert found is not None
         assert found.message == name
+
+
+def test_a_plan_may_be_here_only_where_mesh_and_seed_are_those_of_one() -> None:
+    cache, order = PlanCache(1), replace(ORDER, request=replace(ORDER.request, seed=3))
+    assert not cache.may_have("mug", 3)
+    cache.put(plan_key(order, "f"), plan("mug"))
+    assert cache.may_have("mug", 3)
+    assert not cache.may_have("mug", 0)
+    assert not cache.may_have("flask", 3)
+    cache.put(key("newer"), plan("mug"))
+    assert not cache.may_have("mug", 3)
+    assert cache.may_have("mug", 0)

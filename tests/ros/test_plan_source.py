@@ -189,3 +189,26 @@ def test_a_cancelled_call_asks_for_nothing(source: PlanSource, process: Recorded
     with pytest.raises(GraspPlannerError, match="by its client"):
         source.plan("mug", REQUEST, call)
     assert process.orders == []
+
+
+def test_a_place_is_kept_for_what_is_known_to_need_one_alone(
+    source: PlanSource, process: Recorded
+) -> None:
+    """The queue has room for two, and one may be searched for."""
+    for _ in range(5):
+        source.reserve("mug", 7, Call())  # nobody asked for this mesh before: it may be wrong
+    source.check_mesh_id("mug")
+    calls = [Call() for _ in range(3)]
+    for call in calls:
+        source.reserve("mug", 7, call)
+    with pytest.raises(GraspPlannerError) as caught:
+        source.reserve("mug", 7, Call())
+    assert caught.value.code == ErrorCode.BUSY
+    made = source.plan("mug", replace(REQUEST, seed=7), calls[0])
+    assert not made.from_cache
+    for _ in range(5):
+        source.reserve("mug", 7, Call())  # the answer may be in memory
+    for call in calls:
+        source.release(call)
+    for call in calls:
+        source.reserve("mug", 8, call)

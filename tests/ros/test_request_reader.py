@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from rclpy.qos import QoSProfile
 from real_node import plain_node
 
 from gpis_grasp_msgs.srv import ListMeshes, PlanGrasp
-from gpis_grasp_planner.ros.request_reader import RequestReader
+from gpis_grasp_planner.ros.request_reader import RequestReader, later
 
 MANY = 60  # the middleware's default history keeps 10
 LIMIT_S = 30.0
@@ -31,6 +32,14 @@ class Served:
     threads: ThreadPoolExecutor
     begun: list[str] = field(default_factory=list)
     let_go: threading.Event = field(default_factory=threading.Event)
+
+    def begin(self, request: Any, response: Any) -> Any:
+        if request.mesh_id == "cannot begin":
+            raise ValueError("a beginning that failed")
+        if request.mesh_id.startswith("at once"):
+            response.message = threading.current_thread().name
+            return None
+        return partial(self.plan, request, response)
 
     def plan(self, request: Any, response: Any) -> None:
         self.begun.append(request.mesh_id)
@@ -49,8 +58,8 @@ def served() -> Iterator[Served]:
     with plain_node("server") as server, plain_node("client", spins=True) as client:
         threads = ThreadPoolExecutor(8)
         made = Served(server, client, RequestReader(server, threads), threads)
-        made.reader.offer(PlanGrasp, "plan", made.plan)
-        made.reader.offer(ListMeshes, "list", lambda _request, _response: None)
+        made.reader.offer(PlanGrasp, "plan", made.begin)
+        made.reader.offer(ListMeshes, "list", later(lambda _request, _response: None))
         yield made
         made.let_go.set()
         made.reader.close()
@@ -119,6 +128,23 @@ def test_a_failed_answer_is_logged_and_costs_nobody_else_theirs(
         time.sleep(0.01)
 
 
+def test_what_can_be_answered_at_once_needs_no_thread(served: Served) -> None:
+    client = client_of(served)
+    served.threads.shutdown()
+    served.reader.start()
+    futures = [served.call(client, f"at once {k}") for k in range(MANY)]
+    assert {a.message for a in answers(futures)} == {"request-reader"}
+    assert not served.begun
+
+
+def test_a_failed_beginning_costs_nobody_else_their_answer(served: Served) -> None:
+    client = client_of(served)
+    served.reader.start()
+    lost = served.call(client, "cannot begin")
+    assert answers([served.call(client, "after")])[0].message == "answer to after"
+    assert not lost.done()
+
+
 def test_after_the_end_what_was_begun_is_answered_and_nothing_new_is_read(served: Served) -> None:
     client = client_of(served)
     served.reader.start()
@@ -153,7 +179,7 @@ def test_an_end_before_the_beginning_is_allowed(served: Served) -> None:
 def test_the_thread_ends_with_its_context() -> None:
     with plain_node("server") as server, ThreadPoolExecutor(1) as threads:
         reader = RequestReader(server, threads)
-        reader.offer(ListMeshes, "list", lambda _request, _response: None)
+        reader.offer(ListMeshes, "list", later(lambda _request, _response: None))
         reader.start()
         server.context.shutdown()
         reader._thread.join(LIMIT_S)

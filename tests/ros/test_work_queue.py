@@ -139,3 +139,49 @@ def test_a_call_keeps_the_first_reason_and_wakes_who_comes_later() -> None:
     with pytest.raises(GraspPlannerError, match="first") as caught:
         call.check_wanted()
     assert caught.value.code == ErrorCode.CANCELLED
+
+
+def reserved(queue: WorkQueue, n: int) -> list[Call]:
+    calls = [Call() for _ in range(n)]
+    for call in calls:
+        queue.reserve(call)
+    return calls
+
+
+@pytest.mark.parametrize("size", [0, 3])
+def test_as_many_places_are_kept_as_may_wait_and_one_where_nobody_searches(
+    until: Any, size: int
+) -> None:
+    queue, log = WorkQueue(lambda: size), list[int]()
+    calls = reserved(queue, size + 1)
+    with pytest.raises(GraspPlannerError) as caught:
+        queue.reserve(Call())
+    assert caught.value.code == ErrorCode.BUSY
+    assert f"the limit is {size} (parameter queue_size)" in caught.value.message
+    queue.release(calls[0])
+    queue.release(calls[0])
+    search = Holder(queue, Lane.SEARCH, log, 0).start(until)  # has the free lane
+    with pytest.raises(GraspPlannerError):
+        queue.reserve(Call())
+    search.end()
+    reserved(queue, 1)
+
+
+def test_a_kept_place_is_used_by_the_first_turn_however_many_wait(until: Any) -> None:
+    size = 2
+    queue, log = WorkQueue(lambda: size), list[int]()
+    search = Holder(queue, Lane.SEARCH, log, 0).start(until)
+    kept = [Holder(queue, Lane.SEARCH, log, n) for n in (1, 2)]
+    for holder in kept:
+        queue.reserve(holder.call)
+    with pytest.raises(GraspPlannerError), queue.turn(Lane.SEARCH, Call()):
+        raise AssertionError("beyond the bound")
+    for holder in kept:
+        holder.start(until)
+    assert queue.n_waiting == size
+    with pytest.raises(GraspPlannerError):
+        queue.reserve(Call())
+    for holder in (search, *kept):
+        holder.end()
+    assert log == [0, 1, 2]
+    assert len(reserved(queue, size + 1)) == size + 1

@@ -111,8 +111,10 @@ def plan_on_worker(
     return answer
 
 
-def serve_worker(address: str, jobs: int, say: Callable[[str], None]) -> None:
+def serve_worker(address: str, jobs: int, on_ready: Callable[[str], None]) -> None:
     """Plan for a scheduler, `jobs` parts at a time, until SIGINT, SIGTERM or the scheduler's end.
+
+    `on_ready` is called with the worker's own address once the scheduler knows it.
 
     Raises
     ------
@@ -126,11 +128,11 @@ def serve_worker(address: str, jobs: int, say: Callable[[str], None]) -> None:
         async with Worker(
             address, nthreads=jobs, memory_limit=0, death_timeout=_CONNECT_S, dashboard=False
         ) as worker:
-            say(f"gpis-grasp: worker {worker.address} plans {jobs} at a time for {address}")
             ended = asyncio.ensure_future(worker.finished())
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.add_signal_handler(number, ended.cancel)
+            on_ready(worker.address)
             with contextlib.suppress(asyncio.CancelledError):
                 await ended
             await worker.close(timeout=1, executor_wait=False)

@@ -55,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_picture(arguments.picture)
     document = read_document(arguments.document)
     result, path = document.result, arguments.picture
+    drawn: dict[str, object] = {"picture": str(path), "mesh_id": result.mesh_id}
     part = options.part_of_document(document, arguments)
     if arguments.sheet:
         _check_index(arguments.document, 0, len(result.grasps))
@@ -76,9 +77,11 @@ def run(arguments: argparse.Namespace) -> int:
         drawing.save(path, surface_error_picture(part, _surface(document, part)))
     else:
         _check_index(arguments.document, arguments.index, len(result.grasps))
-        drawing.draw_grasp(path, part, result, result.grasps[arguments.index])
+        grasp = result.grasps[arguments.index]
+        drawing.draw_grasp(path, part, result, grasp)
+        drawn |= {"index": arguments.index, "epsilon": grasp.epsilon}
     if arguments.json:
-        print(json.dumps({"picture": str(path), "mesh_id": result.mesh_id}))
+        print(json.dumps(drawn))
     return SUCCESS
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 
 from gpis_grasp_planner.cli import output
 from gpis_grasp_planner.cli.exit_codes import SUCCESS
@@ -11,6 +12,7 @@ EXAMPLES = """\
 examples:
   gpis-grasp worker tcp://10.0.0.1:8786
   gpis-grasp worker tcp://10.0.0.1:8786 --jobs 4
+  gpis-grasp worker tcp://10.0.0.1:8786 --json
 """
 
 
@@ -19,6 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scheduler", metavar="ADDRESS", help="such as tcp://10.0.0.1:8786")
     parser.add_argument(
         "--jobs", type=int, metavar="N", help="parts at a time; default: one for each core"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print a line of JSON once the scheduler knows it"
     )
 
 
@@ -33,5 +38,14 @@ def run(arguments: argparse.Namespace) -> int:
     ready_to_plan(PlanRequest().planner)
     from gpis_grasp_planner.batch.cluster import serve_worker
 
-    serve_worker(arguments.scheduler, jobs, output.note)
+    def tell(worker: str) -> None:
+        facts = {"worker": worker, "jobs": jobs, "scheduler": arguments.scheduler}
+        if arguments.json:
+            print(json.dumps(facts), flush=True)
+        else:
+            output.note(
+                f"gpis-grasp: worker {worker} plans {jobs} at a time for {arguments.scheduler}"
+            )
+
+    serve_worker(arguments.scheduler, jobs, tell)
     return SUCCESS

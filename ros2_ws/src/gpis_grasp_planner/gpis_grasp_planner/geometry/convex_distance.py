@@ -1,7 +1,9 @@
 """Distances and near pairs of a convex polytope and a mesh: GJK pruned by the triangle tree.
 
 The tree is pruned by the polytope's own box and by the separating plane of the nearest pair found
-so far; 5 to 100 us a query on one core, by how closely the triangles lie around the contact.
+so far; 5 to 100 us a query on one core, by how closely the triangles lie around the contact. Of a
+fine mesh the plane is compared with the nodes' slabs as well, which are as thin as the surface, and
+so is a second one: what kept the last triangle off mostly keeps its neighbours off.
 """
 
 from __future__ import annotations
@@ -10,12 +12,11 @@ import numpy as np
 
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.gjk import columns_distance, scratch_of
-from gpis_grasp_planner.geometry.triangle_tree import nearest_point
+from gpis_grasp_planner.geometry.triangle_tree import near_point, nearest_point
 from gpis_grasp_planner.lanes import filled, lowest_along
 
-# In a mesh of so many triangles the way to the nearest pair is worth a search of its own.
-_MANY_TRIANGLES = 50_000
 _ROUNDS = 4
+_NEARER = 0.999  # share of a distance that is clearly less
 _FIRST_APART = 0.0005  # of pairs that are thinned out [m]
 
 
@@ -60,14 +61,37 @@ def _highest(t, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @njit(allocates=False)
-def _farthest(lower, upper, node, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Largest height of a node's box along a direction."""
+def _highest_of_box(lower, upper, node, nx, ny, nz):  # type: ignore[no-untyped-def]
     k = np.uint64(node)
     return (
         nx * (upper[k, 0] if nx > 0 else lower[k, 0])
         + ny * (upper[k, 1] if ny > 0 else lower[k, 1])
         + nz * (upper[k, 2] if nz > 0 else lower[k, 2])
     )
+
+
+@njit(allocates=False)
+def _farthest(lower, upper, slabs, node, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Upper bound of a node's height along a direction: of its box, or of its slab in the box."""
+    by_box = _highest_of_box(lower, upper, node, nx, ny, nz)
+    if slabs.shape[0] == 0:
+        return by_box
+    k = np.uint64(node)
+    sx, sy, sz = slabs[k, 0], slabs[k, 1], slabs[k, 2]
+    along = nx * sx + ny * sy + nz * sz
+    by_slab = along * (slabs[k, 4] if along > 0 else slabs[k, 3])
+    by_slab += _highest_of_box(lower, upper, node, nx - along * sx, ny - along * sy, nz - along * sz)
+    return min(by_box, by_slab)
+
+
+@njit(allocates=False)
+def _support_plane(columns, n, direction, out):  # type: ignore[no-untyped-def]
+    """A unit normal along `direction`, and the height that all of the polytope has: out (4,)."""
+    length = np.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
+    if length > 0.0:
+        x, y, z = direction[0] / length, direction[1] / length, direction[2] / length
+        out[0], out[1], out[2] = x, y, z
+        out[3] = lowest_along(columns, n, (x, y, z))[1]
 
 
 @njit(allocates=False)
@@ -80,7 +104,9 @@ def _columns_of(vertices, columns):  # type: ignore[no-untyped-def]
 
 
 @njit
-def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, lower, upper, child):  # type: ignore[no-untyped-def]
+def polytope_mesh(
+    vertices, R, t, box_low, box_high, limit, seed, triangles, lower, upper, child, slabs
+):  # type: ignore[no-untyped-def]
     """Distance of a convex polytope from a mesh, or `limit` where it is at least that.
 
     Parameters
@@ -94,7 +120,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     limit : float [m]
     seed : int
         A triangle to start with, such as the one that is near, or -1. A good one prunes most.
-    triangles, lower, upper, child
+    triangles, lower, upper, child, slabs
         Arrays of the mesh's `TriangleTree`.
     """
     stack = np.empty(64, dtype=np.int64)
@@ -118,13 +144,15 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
     nx = ny = nz = 0.0
     plane = 0.0
     have_plane = False
+    second = np.zeros(4)  # the plane that kept the last triangle off
+    second[3] = -np.inf
     share = 1.0  # what must be nearer than this share of the best is looked at
     if seed >= 0:
         best = min(best, d)
         nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
         plane = lowest_along(columns, n, (nx, ny, nz))[1]
         have_plane = True
-        if triangles.shape[0] > _MANY_TRIANGLES:
+        if slabs.shape[0] > 0:
             # From the polytope's point to the mesh's nearest and back: hundreds of small triangles
             # tie for their boxes, and only a near pair's plane tells them apart.
             share = 1.0 - 1e-9  # of a flat face all triangles are as near: one is enough
@@ -146,8 +174,14 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
         node = stack[top]
         if gap_of[top] >= share * best:
             continue
-        if have_plane and plane - _farthest(lower, upper, node, nx, ny, nz) >= share * best:
-            continue
+        if have_plane:
+            highest = _farthest(lower, upper, slabs, node, nx, ny, nz)
+            if plane - highest >= share * best:
+                continue
+        if slabs.shape[0] > 0:
+            highest = _farthest(lower, upper, slabs, node, second[0], second[1], second[2])
+            if second[3] - highest >= share * best:
+                continue
         if child[node, 0] >= 0:
             a, b = child[node, 0], child[node, 1]
             gap_a = _box_gap(R, t, box_low, box_high, lower, upper, a)
@@ -169,9 +203,15 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
             _take_triangle(triangles, f, triangle)
             if have_plane and plane - _highest(triangle, nx, ny, nz) >= share * best:
                 continue
+            if slabs.shape[0] > 0:
+                highest = _highest(triangle, second[0], second[1], second[2])
+                if second[3] - highest >= share * best:
+                    continue
             d = columns_distance(columns, n, triangle, 3, best, direction, p, q, scratch)
             if d <= 0.0:
                 return 0.0
+            if d > best and slabs.shape[0] > 0:
+                _support_plane(columns, n, p, second)
             if d < best:
                 best = d
                 nx, ny, nz = direction[0] / d, direction[1] / d, direction[2] / d
@@ -182,7 +222,7 @@ def polytope_mesh(vertices, R, t, box_low, box_high, limit, seed, triangles, low
 
 @njit
 def near_pairs(
-    vertices, R, t, box_low, box_high, limit, triangles, lower, upper, child, p_self, p_other
+    vertices, R, t, box_low, box_high, limit, triangles, lower, upper, child, slabs, p_self, p_other
 ):  # type: ignore[no-untyped-def]
     """Nearest points of a polytope with the triangles nearer than `limit`, as contacts of bodies.
 
@@ -206,15 +246,23 @@ def near_pairs(
     plane = -np.inf
     nearest = np.inf
     nearest_row = 0
-    other = np.empty(3)
+    second = np.zeros(4)
+    second[3] = -np.inf
+    other = np.full(3, np.inf)
     apart = 0.0  # until the rows are full all pairs are kept
     while top > 0:
         top -= 1
         node = stack[top]
         if apart > 0.0 and _covers(p_other, count, apart, lower[node], upper[node]):
             continue
-        if nearest < limit and plane - _farthest(lower, upper, node, nx, ny, nz) >= limit:
-            continue
+        if nearest < limit:
+            highest = _farthest(lower, upper, slabs, node, nx, ny, nz)
+            if plane - highest >= limit:
+                continue
+        if slabs.shape[0] > 0:
+            highest = _farthest(lower, upper, slabs, node, second[0], second[1], second[2])
+            if second[3] - highest >= limit:
+                continue
         if _box_gap(R, t, box_low, box_high, lower, upper, node) >= limit:
             continue
         if child[node, 0] >= 0:
@@ -229,14 +277,22 @@ def near_pairs(
                 continue
             if apart > 0.0 and _covers_triangle(p_other, count, apart, triangle):
                 continue
+            if slabs.shape[0] > 0:
+                highest = _highest(triangle, second[0], second[1], second[2])
+                if second[3] - highest >= limit:
+                    continue
             d = columns_distance(columns, n, triangle, 3, limit, direction, p, q, scratch)
+            if d > limit and slabs.shape[0] > 0:
+                _support_plane(columns, n, p, second)
             if 0.0 < d < limit:
                 if apart > 0.0 and d >= nearest and _covers(p_other, count, apart, q, q):
                     continue
-                nearer, _, _ = nearest_point(
-                    p[0], p[1], p[2], d * 1.001 + 1e-9, triangles, lower, upper, child, other
-                )
-                if nearer < d * 0.999 - 1e-9:
+                # The mesh's point that was nearer to the last pair often is to this one.
+                if _is_nearer(other, p, d) or _any_is_nearer(p_other, count, p, d):
+                    continue
+                enough = d * _NEARER - 1e-9
+                near_point(p[0], p[1], p[2], d, enough, triangles, lower, upper, child, other)
+                if _is_nearer(other, p, d):
                     continue
                 for c in range(3):
                     p_self[count, c] = p[c]
@@ -251,6 +307,23 @@ def near_pairs(
                 apart, count = _thinned(p_self, p_other, nearest_row, apart)
                 nearest_row = 0
     return count
+
+
+@njit(allocates=False)
+def _is_nearer(point, p, d):  # type: ignore[no-untyped-def]
+    """Whether a point of the mesh is nearer to `p` than `d`, clearly."""
+    total = 0.0
+    for c in range(3):
+        total += (point[c] - p[c]) ** 2
+    return np.sqrt(total) < d * _NEARER - 1e-9
+
+
+@njit(allocates=False)
+def _any_is_nearer(points, n, p, d):  # type: ignore[no-untyped-def]
+    for i in range(n):
+        if _is_nearer(points[i], p, d):
+            return True
+    return False
 
 
 @njit(allocates=False)

@@ -157,7 +157,8 @@ def columns_distance(columns, n_self, other, n_other, limit, direction, p_self, 
     """As :func:`polytope_distance`, of a polytope whose coordinates are rows of `columns`.
 
     `columns` (3, N) and the scratch array `s` are of :func:`scratch_of`; the first `n_self`
-    columns count, `filled` to the lanes, and the first `n_other` rows of `other`.
+    columns count, `filled` to the lanes, and the first `n_other` rows of `other`. Where it stops at
+    `limit`, `p_self` is the direction along which the bodies were seen to be that far apart.
     """
     vx, vy, vz = direction[0], direction[1], direction[2]
     if vx * vx + vy * vy + vz * vz < 1e-24:
@@ -177,6 +178,7 @@ def columns_distance(columns, n_self, other, n_other, limit, direction, p_self, 
         gap = best - best_other
         v2 = vx * vx + vy * vy + vz * vz
         if gap > 0.0 and gap * gap > limit * limit * v2:
+            p_self[0], p_self[1], p_self[2] = vx, vy, vz
             return gap / np.sqrt(v2)
         if n > 0:
             if v2 - gap <= _RELATIVE * v2:

@@ -13,6 +13,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.answer_log import log_info
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.constraints import approach_of, forbidden_of
@@ -73,6 +74,26 @@ class GraspAnswering:
         self.last_message = ""
         self.last_answered: GraspRequest | None = None
 
+    def admits(self, request: GraspRequest, response: Any, call: Call, name: str) -> bool:
+        """Whether a request has to be looked at; else it is answered: it is wrong, or BUSY.
+
+        For the thread that reads requests, of which a hundred may have come at once.
+
+        Parameters
+        ----------
+        request, response, call, name
+            As of :meth:`answer`.
+        """
+        try:
+            self._plans.reserve(request.mesh_id, self._checked(request).seed, call)
+        except GraspPlannerError as error:
+            _fail(response, error.code, error.message)
+            self._tell(request, response, call, name)
+            return False
+        except Exception:  # a thread meets it again, and answers
+            return True
+        return True
+
     def answer(
         self,
         request: GraspRequest,
@@ -108,9 +129,16 @@ class GraspAnswering:
                 f"The node failed unexpectedly ({type(error).__name__}). The traceback is in its "
                 "log; please report it.",
             )
+        finally:
+            self._plans.release(call)
+            with self._count_lock:
+                self.n_in_work -= 1
+        self._tell(request, response, call, name)
+
+    def _tell(self, request: GraspRequest, response: Any, call: Call, name: str) -> None:
+        """Count an answer and log it."""
         response.elapsed = call.elapsed_s
         with self._count_lock:
-            self.n_in_work -= 1
             self.n_answers += 1
             self.last_code = ErrorCode(response.code)
             self.last_message = response.message
@@ -123,16 +151,7 @@ class GraspAnswering:
         )
 
     def _answer(self, request: GraspRequest, response: Any, call: Call, only_known: bool) -> None:
-        plan_request = check_request(
-            request.seed,
-            request.time_budget,
-            request.n_grasps,
-            request.planner,
-            request.verification,
-            self._settings(),
-            objective=request.objective,
-            task=request.task,
-        )
+        plan_request = self._checked(request)
         self._plans.check_mesh_id(request.mesh_id)
         given = self._poses.from_request(request.object_pose)
         pose = given or self._poses.newest(request.mesh_id)
@@ -178,6 +197,18 @@ class GraspAnswering:
         if response.success:
             self._publishers.publish(response.grasps, pose_message(shown.T_world_object))
             self.last_answered = request
+
+    def _checked(self, request: GraspRequest) -> PlanRequest:
+        return check_request(
+            request.seed,
+            request.time_budget,
+            request.n_grasps,
+            request.planner,
+            request.verification,
+            self._settings(),
+            objective=request.objective,
+            task=request.task,
+        )
 
     def _in_frame(self, pose: ObjectPose, frame_id: str) -> ObjectPose:
         """The object's pose in the frame that the answer is wanted in; "" is its own."""

@@ -13,7 +13,7 @@ from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
-from gpis_grasp_planner.ros.request_reader import RequestReader
+from gpis_grasp_planner.ros.request_reader import RequestReader, later
 from gpis_grasp_planner.ros.text import printable
 
 LIST_SERVICE = "list_meshes"
@@ -42,8 +42,8 @@ class CatalogueServices:
         self._plans = plans
         self._poses = poses
         self._answering = answering
-        requests.offer(ListMeshes, LIST_SERVICE, self._list)
-        requests.offer(PlanGraspBatch, BATCH_SERVICE, self._plan_batch)
+        requests.offer(ListMeshes, LIST_SERVICE, later(self._list))
+        requests.offer(PlanGraspBatch, BATCH_SERVICE, later(self._plan_batch))
 
     def _list(self, request: Any, response: Any) -> None:
         call = Call()

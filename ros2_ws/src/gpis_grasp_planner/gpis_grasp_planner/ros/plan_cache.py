@@ -9,7 +9,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 from gpis_grasp_planner.ros.worker.messages import Plan, PlanOrder
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
@@ -22,8 +22,24 @@ _RADIUS_M = 0.2
 AFTERWARDS = ("clearance", "uncertainty")
 
 
-def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
-    """One string for everything that decides which plan is asked for, but for the place.
+class PlanKey(NamedTuple):
+    """Stands for everything that decides which plan is asked for, but for the place.
+
+    Attributes
+    ----------
+    mesh_id : str
+    seed : int
+    digest : str
+        Of all that there is, these two included.
+    """
+
+    mesh_id: str
+    seed: int
+    digest: str
+
+
+def plan_key(order: PlanOrder, mesh_fingerprint: str) -> PlanKey:
+    """The key of what an order asks for.
 
     A plan for one place is the beginning of one for another.
     """
@@ -34,7 +50,8 @@ def plan_key(order: PlanOrder, mesh_fingerprint: str) -> str:
         "mesh": mesh_fingerprint,
     }
     text = json.dumps(content, sort_keys=True, default=str) + _settings_text(order.settings)
-    return hashlib.sha256(text.encode()).hexdigest()
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return PlanKey(order.mesh_id, order.request.seed, digest)
 
 
 # The node hands the same mapping over until a parameter changes.
@@ -59,7 +76,7 @@ class PlanCache:
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self._plans: OrderedDict[tuple[str, int], Plan] = OrderedDict()
+        self._plans: OrderedDict[tuple[PlanKey, int], Plan] = OrderedDict()
         self._lock = threading.Lock()
         self._numbers = itertools.count()
 
@@ -71,12 +88,17 @@ class PlanCache:
         with self._lock:
             return sum(plan.mesh_id == mesh_id for plan in self._plans.values())
 
-    def get(self, key: str, place: Place | None = None) -> Plan | None:
+    def may_have(self, mesh_id: str, seed: int) -> bool:
+        """Whether a plan of this mesh and seed is here, whatever else it was made for."""
+        with self._lock:
+            return any(key[:2] == (mesh_id, seed) for key, _ in self._plans)
+
+    def get(self, key: PlanKey, place: Place | None = None) -> Plan | None:
         """The plan made for surroundings like these, else the latest for any; it counts as used.
 
         Parameters
         ----------
-        key : str
+        key : PlanKey
         place : Place, optional
             None for free space.
         """
@@ -90,7 +112,7 @@ class PlanCache:
             self._plans.move_to_end(name)
             return self._plans[name]
 
-    def put(self, key: str, plan: Plan) -> None:
+    def put(self, key: PlanKey, plan: Plan) -> None:
         """Keep a plan in place of one for the same surroundings; drop the oldest beyond `size`."""
         place = _place(plan)
         with self._lock:

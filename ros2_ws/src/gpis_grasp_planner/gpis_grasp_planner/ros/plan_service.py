@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -12,7 +13,7 @@ from rclpy.node import Node
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.call import Call
-from gpis_grasp_planner.ros.request_reader import RequestReader
+from gpis_grasp_planner.ros.request_reader import RequestReader, Work, later
 
 SERVICE = "plan_grasp"
 KNOWN_SERVICE = "get_grasps"
@@ -80,17 +81,21 @@ class PlanGraspService:
         self._watch = ClientWatch(
             lambda: node.count_clients(SERVICE) + node.count_clients(KNOWN_SERVICE)
         )
-        requests.offer(PlanGrasp, SERVICE, self._plan)
-        requests.offer(PlanGrasp, KNOWN_SERVICE, self._known)
+        requests.offer(PlanGrasp, SERVICE, self._begin)
+        requests.offer(PlanGrasp, KNOWN_SERVICE, later(self._known))
         node.create_timer(CLIENTS_PERIOD_S, self._watch.look)
 
-    def _plan(self, request: Any, response: Any) -> None:
-        self._answer(request, response, SERVICE, only_known=False)
+    def _begin(self, request: Any, response: Any) -> Work | None:
+        call = Call()
+        if not self._answering.admits(request, response, call, SERVICE):
+            return None
+        return partial(self._plan, request, response, call)
+
+    def _plan(self, request: Any, response: Any, call: Call) -> None:
+        with self._watch.watched(call):
+            self._answering.answer(request, response, call, SERVICE)
 
     def _known(self, request: Any, response: Any) -> None:
-        self._answer(request, response, KNOWN_SERVICE, only_known=True)
-
-    def _answer(self, request: Any, response: Any, name: str, *, only_known: bool) -> None:
         call = Call()
         with self._watch.watched(call):
-            self._answering.answer(request, response, call, name, only_known=only_known)
+            self._answering.answer(request, response, call, KNOWN_SERVICE, only_known=True)

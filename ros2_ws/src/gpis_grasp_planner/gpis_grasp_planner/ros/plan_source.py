@@ -12,7 +12,7 @@ from gpis_grasp_planner.geometry.catalogue import ID_PATTERN, CatalogueSettings,
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.mesh_source import check_directories, fingerprint
-from gpis_grasp_planner.ros.plan_cache import PlanCache, plan_key
+from gpis_grasp_planner.ros.plan_cache import PlanCache, PlanKey, plan_key
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.work_queue import Lane, WorkQueue
 from gpis_grasp_planner.ros.worker.messages import (
@@ -68,7 +68,8 @@ class PlanSource:
         self._settings = settings
         self._planning_values = planning_values
         self.cache = PlanCache(settings().plan_cache_size)
-        self._facts: dict[str, MeshFacts] = {}
+        self._facts: dict[PlanKey, MeshFacts] = {}
+        self._seen_ids: set[str] = set()
         self._catalogue: tuple[object, CatalogueSettings] = (None, CatalogueSettings())
 
     def check_mesh_id(self, mesh_id: str) -> None:
@@ -82,6 +83,27 @@ class PlanSource:
         if ID_PATTERN.fullmatch(mesh_id) is None or self._fingerprint(mesh_id) is None:
             check_directories(self._directories)
             MeshCatalogue(self._directories, self._catalogue_settings()).load(mesh_id)
+        if len(self._seen_ids) >= _MOST_FACTS:
+            self._seen_ids.clear()
+        self._seen_ids.add(mesh_id)
+
+    def reserve(self, mesh_id: str, seed: int, call: Call) -> None:
+        """Keep a place in the queue for a request, before anything else is looked at (some us).
+
+        Not for one whose plan may be in memory, which does not need one, nor for a mesh ID that
+        was not asked for before: it may be wrong, and that is to be said.
+
+        Raises
+        ------
+        SystemFault
+            BUSY.
+        """
+        if mesh_id in self._seen_ids and not self.cache.may_have(mesh_id, seed):
+            self._queue.reserve(call)
+
+    def release(self, call: Call) -> None:
+        """Give up what was reserved for a request; it may have been used."""
+        self._queue.release(call)
 
     def plan(
         self, mesh_id: str, request: PlanRequest, call: Call, place: Place | None = None
@@ -257,7 +279,7 @@ class PlanSource:
             read_limit_s=settings.mesh_read_limit_s,
         )
 
-    def _key(self, order: PlanOrder) -> str:
+    def _key(self, order: PlanOrder) -> PlanKey:
         return plan_key(order, self._fingerprint(order.mesh_id) or "")
 
     def _fingerprint(self, mesh_id: str) -> str | None:

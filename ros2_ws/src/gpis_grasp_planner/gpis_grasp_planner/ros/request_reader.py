@@ -13,6 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -32,6 +33,14 @@ SERVICE_QOS = QoSProfile(
 )
 _FOR_EVER_NS = -1
 
+# What is left to do of an answer, for a thread.
+Work = Callable[[], None]
+
+
+def later(answer: Callable[[Any, Any], None]) -> Callable[[Any, Any], Work]:
+    """For :meth:`RequestReader.offer`: all of the answer is made by a thread."""
+    return lambda request, response: partial(answer, request, response)
+
 
 class _LeftAlone(CallbackGroup):
     """A group whose members the executor does not touch."""
@@ -48,11 +57,11 @@ class _LeftAlone(CallbackGroup):
 
 @dataclass(frozen=True)
 class _Offer:
-    """A service and what answers its requests."""
+    """A service and what begins its answers."""
 
     kind: Any
     service: Service
-    answer: Callable[[Any, Any], None]
+    begin: Callable[[Any, Any], Work | None]
 
 
 class RequestReader:
@@ -72,7 +81,7 @@ class RequestReader:
         self._ending = GuardCondition(None, None, node.context)
         self._thread = threading.Thread(target=self._read, name="request-reader", daemon=True)
 
-    def offer(self, kind: Any, name: str, answer: Callable[[Any, Any], None]) -> None:
+    def offer(self, kind: Any, name: str, begin: Callable[[Any, Any], Work | None]) -> None:
         """Offer a service; before :meth:`start`.
 
         Parameters
@@ -80,14 +89,16 @@ class RequestReader:
         kind : type
             Of the service.
         name : str
-        answer : callable
-            Takes a request and a response, and fills in the latter; must not raise.
+        begin : callable
+            Called with a request and a response as soon as the request was read. It either fills in
+            the response at once (the requests behind it wait for that) and returns None, or
+            returns what a thread has to do to fill it in.
         """
         service = self._node.create_service(
             kind, name, lambda _request, response: response,
             qos_profile=SERVICE_QOS, callback_group=self._group,
         )  # fmt: skip
-        self._offers.append(_Offer(kind, service, answer))
+        self._offers.append(_Offer(kind, service, begin))
 
     def start(self) -> None:
         """Begin to read."""
@@ -142,16 +153,21 @@ class RequestReader:
                 return
             if header is None:
                 return
-            try:
-                self._threads.submit(self._work, offer, request, header)
-            except RuntimeError:  # the node ends
-                return
+            self._answer(partial(self._begin, offer, request, header))
 
-    def _work(self, offer: _Offer, request: Any, header: Any) -> None:
+    def _begin(self, offer: _Offer, request: Any, header: Any) -> None:
         response = offer.kind.Response()
+        work = offer.begin(request, response)
+        send = partial(offer.service.send_response, response, header)
+        if work is None:
+            send()
+        else:
+            self._threads.submit(self._answer, work, send)
+
+    def _answer(self, *steps: Work) -> None:
         try:
-            offer.answer(request, response)
-            offer.service.send_response(response, header)
+            for step in steps:
+                step()
         except Exception as error:  # the client went away, or the node ends
             self._warn("An answer was not sent", error)
 

@@ -2,7 +2,8 @@
 
 Searches and answers from known plans are made side by side, as the process has a thread for each;
 in each of these two lanes the requests have their turn in the order in which they came. What would
-make too many wait is told BUSY at once.
+make too many wait is told BUSY at once; who asks for a place before the request is looked at, and
+gets one, has it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ class WorkQueue:
         self._changed = threading.Condition()
         self._waiting: dict[Lane, deque[Call]] = {lane: deque() for lane in Lane}
         self._running: dict[Lane, Call | None] = dict.fromkeys(Lane)
+        self._reserved: set[Call] = set()
 
     @property
     def n_running(self) -> int:
@@ -50,6 +52,25 @@ class WorkQueue:
         """Requests that wait for their turn."""
         with self._changed:
             return self._n_waiting()
+
+    def reserve(self, call: Call) -> None:
+        """Keep a place for the first turn of a request, which may need none in the end.
+
+        Raises
+        ------
+        SystemFault
+            BUSY where all places are taken.
+        """
+        with self._changed:
+            free = self._running[Lane.SEARCH] is None
+            if self._n_taken() >= self._size() + free:
+                raise self._busy()
+            self._reserved.add(call)
+
+    def release(self, call: Call) -> None:
+        """Give a place back that was not used. Idempotent."""
+        with self._changed:
+            self._reserved.discard(call)
 
     @contextmanager
     def turn(self, lane: Lane, call: Call) -> Iterator[None]:
@@ -81,12 +102,10 @@ class WorkQueue:
         waiting = self._waiting[lane]
         with self._changed:
             free = self._running[lane] is None and not waiting
-            if not (free or call.admitted) and self._n_waiting() >= self._size():
-                raise SystemFault(
-                    f"The planning process is busy and {self._n_waiting()} requests wait; the "
-                    f"limit is {self._size()} (parameter queue_size). Call again later.",
-                    ErrorCode.BUSY,
-                )
+            admitted = free or call.admitted or call in self._reserved
+            if not admitted and self._n_taken() >= self._size():
+                raise self._busy()
+            self._reserved.discard(call)
             waiting.append(call)
             try:
                 self._changed.wait_for(
@@ -98,6 +117,16 @@ class WorkQueue:
             finally:
                 waiting.remove(call)
                 self._changed.notify_all()
+
+    def _busy(self) -> SystemFault:
+        return SystemFault(
+            f"The planning process is busy and {self._n_taken()} requests wait; the limit is "
+            f"{self._size()} (parameter queue_size). Call again later.",
+            ErrorCode.BUSY,
+        )
+
+    def _n_taken(self) -> int:
+        return self._n_waiting() + len(self._reserved)
 
     def _n_waiting(self) -> int:
         return sum(map(len, self._waiting.values()))

@@ -89,6 +89,7 @@ class ObjectArrays(NamedTuple):
     lower: Array
     upper: Array
     child: Index
+    slabs: Array
     center_of_mass: Array
     torque_scale: float
     friction_finger: float
@@ -225,6 +226,7 @@ def object_arrays(
         lower=tree.lower,
         upper=tree.upper,
         child=tree.child,
+        slabs=tree.slabs,
         center_of_mass=np.asarray(part.center_of_mass, dtype=float),
         torque_scale=part.max_radius,
         friction_finger=float(friction.finger),

@@ -187,7 +187,7 @@ def exact_gap(hand, obj, link, R, t, limit, work):  # type: ignore[no-untyped-de
         n = piece_in_object_frame(hand, piece, R, t, work)
         d = polytope_mesh(
             work[:n], R[link], t[link], hand.piece_lower[piece], hand.piece_upper[piece], best,
-            seed, obj.triangles, obj.lower, obj.upper, obj.child,
+            seed, obj.triangles, obj.lower, obj.upper, obj.child, obj.slabs,
         )  # fmt: skip
         if d <= 0.0:
             return 0.0

@@ -38,7 +38,7 @@ def _pair_candidates(hand, obj, link, R, t, threshold, work, points, normals, ga
         n = piece_in_object_frame(hand, piece, R, t, work)
         k = near_pairs(
             work[:n], R[link], t[link], hand.piece_lower[piece], hand.piece_upper[piece],
-            threshold, obj.triangles, obj.lower, obj.upper, obj.child, p_self, p_other,
+            threshold, obj.triangles, obj.lower, obj.upper, obj.child, obj.slabs, p_self, p_other,
         )  # fmt: skip
         for i in range(k):
             dx = p_other[i, 0] - p_self[i, 0]

@@ -238,7 +238,7 @@ def phase_distance(
         tree = body.tree
         sweeps_to_mesh(
             pieces.vertices, pieces.start, which, first, last, limit[row],
-            tree.triangles, tree.lower, tree.upper, tree.child, distance,
+            tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, distance,
         )  # fmt: skip
     bound[row, member] = distance
     nearest = bound.min(axis=1)

@@ -204,7 +204,7 @@ def _fingers_are_free(
         distance = np.empty(len(which))
         sweeps_to_mesh(
             pieces.vertices, pieces.start, which, first, last, np.full(len(which), clearance),
-            tree.triangles, tree.lower, tree.upper, tree.child, distance,
+            tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, distance,
         )  # fmt: skip
         free[rows, index] = distance.reshape(len(rows), len(members)).min(axis=1) >= clearance
     return free

@@ -56,11 +56,11 @@ def sweeps_to_polytope(vertices, start, piece, T_0, T_1, limit, other, distance)
 
 @njit
 def sweeps_to_mesh(  # type: ignore[no-untyped-def]
-    vertices, start, piece, T_0, T_1, limit, triangles, lower, upper, child, distance
+    vertices, start, piece, T_0, T_1, limit, triangles, lower, upper, child, slabs, distance
 ):
     """Distances of M sweeps from a mesh's surface, at most `limit`; see `sweeps_to_polytope`.
 
-    `triangles` to `child` are the arrays of the mesh's `TriangleTree`.
+    `triangles` to `slabs` are the arrays of the mesh's `TriangleTree`.
     """
     work = np.empty((2 * np.max(start[1:] - start[:-1]), 3))
     R = np.empty((3, 3))
@@ -83,5 +83,5 @@ def sweeps_to_mesh(  # type: ignore[no-untyped-def]
                 low[a] = min(low[a], x)
                 high[a] = max(high[a], x)
         distance[k] = polytope_mesh(
-            work[:n], R, t, low, high, limit[k], no_seed, triangles, lower, upper, child
+            work[:n], R, t, low, high, limit[k], no_seed, triangles, lower, upper, child, slabs
         )
