@@ -80,7 +80,8 @@ def _farthest(lower, upper, slabs, node, nx, ny, nz):  # type: ignore[no-untyped
     sx, sy, sz = slabs[k, 0], slabs[k, 1], slabs[k, 2]
     along = nx * sx + ny * sy + nz * sz
     by_slab = along * (slabs[k, 4] if along > 0 else slabs[k, 3])
-    by_slab += _highest_of_box(lower, upper, node, nx - along * sx, ny - along * sy, nz - along * sz)
+    nx, ny, nz = nx - along * sx, ny - along * sy, nz - along * sz
+    by_slab += _highest_of_box(lower, upper, node, nx, ny, nz)
     return min(by_box, by_slab)
 
 
@@ -288,7 +289,7 @@ def near_pairs(
                 if apart > 0.0 and d >= nearest and _covers(p_other, count, apart, q, q):
                     continue
                 # The mesh's point that was nearer to the last pair often is to this one.
-                if _is_nearer(other, p, d) or _any_is_nearer(p_other, count, p, d):
+                if _is_nearer(other, p, d):
                     continue
                 enough = d * _NEARER - 1e-9
                 near_point(p[0], p[1], p[2], d, enough, triangles, lower, upper, child, other)
@@ -316,14 +317,6 @@ def _is_nearer(point, p, d):  # type: ignore[no-untyped-def]
     for c in range(3):
         total += (point[c] - p[c]) ** 2
     return np.sqrt(total) < d * _NEARER - 1e-9
-
-
-@njit(allocates=False)
-def _any_is_nearer(points, n, p, d):  # type: ignore[no-untyped-def]
-    for i in range(n):
-        if _is_nearer(points[i], p, d):
-            return True
-    return False
 
 
 @njit(allocates=False)
