@@ -118,3 +118,13 @@ def test_pybullets_scene_agrees_with_grasps_and_not_with_one_that_is_moved(
         off = replace(settings, confirm=False)
         with ConfirmingScene(part, planner.hand, part.friction, off, prepared) as blind:
             assert blind.agrees(replace(grasps[0], T_object_palm=away))
+
+
+def test_something_may_be_done_before_each_candidate_that_is_finished_and_no_other(make_finisher):
+    n_seen: list[int] = []
+    finisher = make_finisher(lambda _grasp: True)
+    finisher.best(4, fresh=2)
+    finisher.best(4, meanwhile=lambda: n_seen.append(finisher.n_seen))
+    assert n_seen == [2, 3, 4]
+    finisher.best(4, meanwhile=lambda: n_seen.append(-1))
+    assert n_seen == [2, 3, 4]

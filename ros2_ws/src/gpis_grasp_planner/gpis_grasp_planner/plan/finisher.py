@@ -82,7 +82,13 @@ class Finisher:
         self._known.update({_palm(f.grasp): f for f in finished})
 
     def best(
-        self, n: int, until: float | None = None, fresh: int | None = None, *, seen: bool = True
+        self,
+        n: int,
+        until: float | None = None,
+        fresh: int | None = None,
+        *,
+        seen: bool = True,
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> list[Grasp]:
         """The best finished grasps among the archive's best distinct candidates.
 
@@ -96,6 +102,8 @@ class Finisher:
             At most so many are finished in this call; the others wait for the next one.
         seen : bool
             False: those finished now are not shown to PyBullet's scene before :meth:`see`.
+        meanwhile : callable
+            Called before each candidate that is finished now.
 
         Returns
         -------
@@ -112,6 +120,7 @@ class Finisher:
                 if late or fresh == 0:
                     continue
                 fresh = None if fresh is None else fresh - 1
+                meanwhile()
                 self._finish(key, candidate, seen)
             finished = self._known[key]
             if finished is not None:

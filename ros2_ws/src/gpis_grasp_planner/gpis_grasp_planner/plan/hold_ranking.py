@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.plan.case_balance import CaseBalance
 from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor
@@ -21,6 +22,7 @@ from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.surface_judge import SurfaceJudge
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
+from gpis_grasp_planner.verification.cases import TrialCase
 
 _SECONDS_PER_SAMPLE = 0.002
 
@@ -49,6 +51,20 @@ class HoldRanking:
     def on_surfaces(self) -> SurfaceJudge:
         """What tells whether grasps hold on the other surfaces of a scanned part."""
         return SurfaceJudge(self.part, self.hand, self.settings, self.prepared, self.request)
+
+    def judge(self, cases: Sequence[TrialCase]) -> Callable[[Grasp], Grasp]:
+        """What adds to a grasp the figures of how it holds on other surfaces, and in these cases.
+
+        Parameters
+        ----------
+        cases : sequence of TrialCase
+            None where none will be tried.
+        """
+        on_surfaces = self.on_surfaces.judged
+        if not cases:
+            return on_surfaces
+        in_cases = CaseBalance(self.part, self.hand, self.settings, self.prepared, cases).judged
+        return lambda grasp: in_cases(on_surfaces(grasp))
 
     @property
     def needed(self) -> bool:

@@ -11,6 +11,7 @@ from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.progress import Monitor
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.plan.settings import PlannerSettings
+from gpis_grasp_planner.quality.balance_factor import CASE_BALANCE
 from gpis_grasp_planner.quality.figures import ALWAYS, named
 from gpis_grasp_planner.quality.surface_knowledge import SURFACE_HOLD
 from gpis_grasp_planner.search.context import PlanningContext
@@ -41,6 +42,9 @@ def make_result(
     hand, scene = context.hand, settings.scene
     measured = [measure.figure for measure in context.reported]
     of_surface = [] if part.uncertainty is None else [SURFACE_HOLD]
+    # Grasps of an earlier plan may have it where this one tried none.
+    known = any(CASE_BALANCE.name in grasp.quality.measured for grasp in grasps)
+    of_cases = [CASE_BALANCE] if known or request.verification != "none" else []
     return PlanResult(
         code=code,
         message=message,
@@ -68,6 +72,6 @@ def make_result(
         funnel=funnel,
         lost_palms=lost_palms,
         objective=context.objective.text,
-        figures=tuple(named([*ALWAYS, *measured, *of_surface]).values()),
+        figures=tuple(named([*ALWAYS, *measured, *of_surface, *of_cases]).values()),
         phase_s={str(phase): spent for phase, spent in monitor.phase_s.items()},
     )

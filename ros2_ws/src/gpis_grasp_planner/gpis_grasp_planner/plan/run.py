@@ -37,7 +37,7 @@ from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.place import Place
-from gpis_grasp_planner.verification.cases import finalist_cases
+from gpis_grasp_planner.verification.cases import TrialCase, finalist_cases
 from gpis_grasp_planner.verification.protocol import PreparedPart, prepare
 from gpis_grasp_planner.verification.running_trials import (
     RunningTrials,
@@ -113,13 +113,18 @@ class PlanRun:
         scene = self._owned.enter_context(
             ConfirmingScene(part, self.hand, self._friction, settings.scene, prepared)
         )
+        cases: Sequence[TrialCase] = ()
+        if request.verification != "none":
+            cases = finalist_cases(
+                part, self._friction, settings.verification, request.seed, place.covariance
+            )
         self._finisher = Finisher(
-            self._context, placing, scene.agrees, monitor.now, self._tally, hold.on_surfaces.judged
+            self._context, placing, scene.agrees, monitor.now, self._tally, hold.judge(cases)
         )
         self._hold = hold
         self._limit: HandLimit | None = None
         self._convergence: list[tuple[float, int, float]] = []
-        self._trials = None if request.verification == "none" else self._make_trials()
+        self._trials = self._make_trials(cases) if cases else None
 
     def __enter__(self) -> Self:
         return self
@@ -164,7 +169,9 @@ class PlanRun:
                 until = deadline
                 if trials is not None and deadline is not None and not monitor.cancelled:
                     until = deadline - self.settings.verification.budget_share * monitor.left_s
-                grasps = tuple(self._finisher.best(self._n_wanted, until))
+                grasps = tuple(
+                    self._finisher.best(self._n_wanted, until, meanwhile=self._keep_trying)
+                )
             over = self._search.finished or deadline is None or monitor.cancelled
             if trials is not None and grasps and not monitor.cancelled:
                 with monitor.phase(Phase.TRYING):
@@ -190,11 +197,8 @@ class PlanRun:
         limited = self.request.max_evaluations is not None
         return self.monitor.stopped() or (not limited and self.monitor.now() >= self._deadline)
 
-    def _make_trials(self) -> RunningTrials:
+    def _make_trials(self, cases: Sequence[TrialCase]) -> RunningTrials:
         verification, prepared = self.settings.verification, self._prepared
-        cases = finalist_cases(
-            self.part, self._friction, verification, self.request.seed, self.place.covariance
-        )
         made = prepare(self.part, verification, prepared.field, prepared.tree)
         kept = KeptCover(
             self.settings.cache, self.part.working_mesh, verification.cover_tolerance_m
@@ -264,6 +268,11 @@ class PlanRun:
         trials.poll(processes)
         self._tell_of(trials)
         return offer_at
+
+    def _keep_trying(self) -> None:
+        """Keep the trials going while grasps are finished; a count of attempts has none then."""
+        if self._trials is not None and self.request.max_evaluations is None:
+            self._trials.poll(processes_beside_a_search(self.settings.verification))
 
     def _finish_trials(
         self, trials: RunningTrials, grasps: Sequence[Grasp], deadline: float | None

@@ -159,16 +159,9 @@ def estimate_hold(
 ) -> HoldEstimate:
     """What is expected of a grasp under perturbations (n, 6) with weights (n,)."""
     held, quality = [], []
-    # Fingertips that hold a part away from the palm do not draw it in.
-    on_palm = hand.link_names.index(hand.palm_link) in grasp.contacts.links
     for first in range(0, len(perturbations), _BATCH):
         T = perturbed_palms(grasp.T_object_palm, perturbations[first : first + _BATCH])
-        joints = np.repeat(grasp.pregrasp_joints[None], len(T), axis=0)
-        attempts = evaluator.attempt_from(T, joints)
-        if settings.give_way_m > 0.0:
-            _give_way(evaluator, attempts, T, joints, settings.give_way_m)
-        if settings.draw_in_m > 0.0 and on_palm:
-            _draw_in(evaluator, attempts, T, joints, settings.draw_in_m)
+        attempts = close_disturbed(evaluator, hand, grasp, T, settings)
         ok = holds(attempts, hand, settings.min_epsilon)
         held.append(ok)
         quality.append(np.where(ok, attempts.epsilon, 0.0))
@@ -183,27 +176,46 @@ def estimate_hold(
     )
 
 
-def _give_way(
-    evaluator: PostureEvaluator, attempts: Attempts, T: Array, joints: Array, reach: float
-) -> None:
+def close_disturbed(
+    evaluator: PostureEvaluator,
+    hand: HandDescription,
+    grasp: Grasp,
+    T_object_palm: Array,
+    settings: UncertaintySettings,
+) -> Attempts:
+    """Close a grasp's hand where it comes to be beside the part, (n, 4, 4).
+
+    A part that the open hand arrives in gives way, and one that was planned to touch the palm is
+    drawn in by the fingers.
+    """
+    joints = np.repeat(grasp.pregrasp_joints[None], len(T_object_palm), axis=0)
+    attempts = evaluator.attempt_from(np.array(T_object_palm), joints)
+    if settings.give_way_m > 0.0:
+        _give_way(evaluator, attempts, joints, settings.give_way_m)
+    # Fingertips that hold a part away from the palm do not draw it in.
+    on_palm = hand.link_names.index(hand.palm_link) in grasp.contacts.links
+    if settings.draw_in_m > 0.0 and on_palm:
+        _draw_in(evaluator, attempts, joints, settings.draw_in_m)
+    return attempts
+
+
+def _give_way(evaluator: PostureEvaluator, attempts: Attempts, joints: Array, reach: float) -> None:
     """Try the hands that arrived in the part again, as far back as the part is pushed along."""
     rows = np.flatnonzero(attempts.status == AttemptStatus.PALM_COLLISION)
     if not len(rows):
         return
-    back = T[rows].copy()
+    back = attempts.T_object_palm[rows]
     back[:, :3, 3] -= reach * back[:, :3, 2]
     touching, _ = evaluator.approach(back, joints[rows], reach)
     _put(attempts, rows, evaluator.attempt_from(touching, joints[rows]))
 
 
-def _draw_in(
-    evaluator: PostureEvaluator, attempts: Attempts, T: Array, joints: Array, reach: float
-) -> None:
+def _draw_in(evaluator: PostureEvaluator, attempts: Attempts, joints: Array, reach: float) -> None:
     """Try again with the part drawn against the palm, as closing fingers do; the better counts."""
     free = np.flatnonzero(attempts.status != AttemptStatus.PALM_COLLISION)
     if not len(free):
         return
-    drawn, _ = evaluator.approach(T[free], joints[free], reach)
+    drawn, _ = evaluator.approach(attempts.T_object_palm[free], joints[free], reach)
     again = evaluator.attempt_from(drawn, joints[free])
     better = (again.status == AttemptStatus.GRASPED) & (again.epsilon > attempts.epsilon[free])
     _put(attempts, free[better], again, better)
@@ -216,8 +228,8 @@ def _put(
     of: NDArray[np.bool_] | slice = slice(None),
 ) -> None:
     """Put (some of) other attempts into rows."""
-    for name in ("status", "joints", "n_contacts", "positions", "normals_inward", "friction",
-                 "links", "epsilon", "volume"):  # fmt: skip
+    for name in ("T_object_palm", "status", "joints", "n_contacts", "positions", "normals_inward",
+                 "friction", "links", "epsilon", "volume"):  # fmt: skip
         getattr(attempts, name)[rows] = getattr(again, name)[of]
 
 

@@ -18,7 +18,7 @@ from scipy.special import betaincinv
 
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome
-from gpis_grasp_planner.quality.balance_factor import balance_factor
+from gpis_grasp_planner.quality.balance_factor import CASE_BALANCE, balance_factor
 from gpis_grasp_planner.quality.surface_knowledge import SURFACE_HOLD
 from gpis_grasp_planner.verification.logistic import Logistic
 
@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 
 # Learnt by tests/benchmarks/hold_prior.py (docs/benchmark/hold_prior): means of the weights of
 # features_of, in its order, and their deviation from part to part.
-_FIRST = (3.19, 2.20, 4.80, -1.05)
-_FURTHER = (0.63, 1.42, 0.16, 0.66)
+_FIRST = (-1.24, 3.91, 1.79, 0.01, 2.44)
+_FURTHER = (0.50, -0.26, 0.12, 0.45, 2.74)
 _DEVIATION = 1.0
 # Trials of one grasp are much alike: for the model of its like a dozen count as one.
 _SHARE = 1.0 / 12.0
 # How many of its own trials a grasp's prior counts as.
-_STRENGTH = 4.0
+_STRENGTH = 8.0
 _LEAST_EPSILON = 1e-3
 _LEAST_VOLUME = 1e-6
 _SMALLEST = 0.02
@@ -40,13 +40,16 @@ _TAIL = 0.05  # on either side of an interval of 90 %
 
 
 def features_of(grasp: Grasp) -> Array:
-    """What is known of a grasp before its trials, (4,).
+    """What is known of a grasp before its trials, (5,).
 
-    1, how balanced it is (`quality.balance_factor`), log10 of epsilon and of volume.
+    1, how balanced it is (`quality.balance_factor`), log10 of epsilon and of volume, and how
+    balanced over the cases of the trials (`case_balance`; where planned, if nobody asked).
     """
     balanced = 0.5 if grasp.imbalance is None else float(balance_factor(grasp.imbalance))
+    in_cases = float(grasp.quality.measured.get(CASE_BALANCE.name, balanced))
     epsilon = np.log10(max(grasp.epsilon, _LEAST_EPSILON))
-    return np.array([1.0, balanced, epsilon, np.log10(max(grasp.volume, _LEAST_VOLUME))])
+    volume = np.log10(max(grasp.volume, _LEAST_VOLUME))
+    return np.array([1.0, balanced, epsilon, volume, in_cases])
 
 
 def _surface_hold(grasp: Grasp) -> float:
