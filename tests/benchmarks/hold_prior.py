@@ -3,8 +3,8 @@
     python tests/benchmarks/hold_prior.py --out hold_prior --objects DIR --bullet 16
     python tests/benchmarks/hold_prior.py --out hold_prior --fit
 
-Plans for each part, free and in its most probable pose on a table, and tries up to seven grasps
-(the first four and three of the others) in all cases of an answer. The weights are the most
+Plans for each part, free and in its most probable pose on a table, and tries up to six grasps
+(the first three and three of the others) in all cases of an answer. The weights are the most
 probable ones over all parts; how far those of one part may be from them, and how many trials the
 prior counts as, are chosen by the likelihood of each part's trials given the others. What stands in
 `OUT/grasps.jsonl` is not made again.
@@ -28,6 +28,7 @@ from resting_poses import place_at_rest  # noqa: E402
 
 from gpis_grasp_benchmark.study_objects import collect  # noqa: E402
 from gpis_grasp_planner.errors import GraspPlannerError  # noqa: E402
+from gpis_grasp_planner.plan.case_balance import CaseBalance  # noqa: E402
 from gpis_grasp_planner.plan.planner import GraspPlanner  # noqa: E402
 from gpis_grasp_planner.plan.request import PlanRequest  # noqa: E402
 from gpis_grasp_planner.plan.warm_up import load_compiled  # noqa: E402
@@ -37,7 +38,7 @@ from gpis_grasp_planner.verification.logistic import Logistic  # noqa: E402
 from gpis_grasp_planner.verification.protocol import Verifier, prepare  # noqa: E402
 from gpis_grasp_planner.verification.settings import VerificationSettings  # noqa: E402
 
-_FIRST_OF_LIST, _OTHERS = 4, 3
+_FIRST_OF_LIST, _OTHERS = 3, 3
 _WIDE = 10.0
 _DEVIATIONS = (0.1, 0.3, 1.0, 3.0)
 _STRENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
@@ -93,6 +94,7 @@ def tried(planner, name, part, place, where, seconds):
     cases = finalist_cases(part, request.friction_for(part.friction), settings, 0)
     made = planner.prepare(part)
     prepared = prepare(part, settings, made.field, made.tree)
+    in_cases = CaseBalance(part, planner.hand, planner.settings, made, cases)
     verifiers, rows = {}, []
     for grasp in chosen:
         passed = []
@@ -114,7 +116,7 @@ def tried(planner, name, part, place, where, seconds):
             {
                 "part": name,
                 "place": where,
-                "features": features_of(grasp).tolist(),
+                "features": features_of(in_cases.judged(grasp)).tolist(),
                 "passed": passed,
             }
         )
