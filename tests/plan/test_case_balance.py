@@ -11,6 +11,7 @@ from gpis_grasp_planner.plan.case_balance import CaseBalance
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.quality.balance_factor import balance_factor
+from gpis_grasp_planner.search.finalists import grasp_of
 from gpis_grasp_planner.verification.cases import finalist_cases
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -56,11 +57,11 @@ def test_the_figure_is_added_and_nothing_else_changes(make, grasps):
 
 
 def test_without_any_draw_it_is_the_balance_that_the_search_knows(make, planner, grasps):
-    """One case is left, the corner: here the planned friction, the usual mass, nothing displaced."""
+    """One case is left, the corner: here the planned friction and the usual mass."""
     judge = make(draws=0, low_friction=0.6, payload_kg=0.2)
-    palm = planner.hand.link_names.index(planner.hand.palm_link)
     # The palm's friction is another one in the search.
-    off_palm = [grasp for grasp in grasps if palm not in grasp.contacts.links]
+    of_palm = [k for k, group in enumerate(planner.hand.link_friction_group) if group == "palm"]
+    off_palm = [grasp for grasp in grasps if not np.isin(of_palm, grasp.contacts.links).any()]
     assert len(off_palm) > 3
     expected = [float(balance_factor(grasp.imbalance)) for grasp in off_palm]
     assert values(judge, off_palm) == pytest.approx(expected, abs=0.02)
@@ -72,6 +73,16 @@ def test_harder_cases_leave_less(make, grasps):
     slippery = values(make(low_friction=0.02, high_friction=0.05), grasps).mean()
     assert displaced < easy - 0.1
     assert slippery < easy - 0.1
+
+
+def test_a_candidate_has_the_figure_of_its_grasp_and_is_looked_at_once(make, searched_mug):
+    judge = make()
+    for candidate in searched_mug.archive.best(5):
+        assert not judge.knows(candidate)
+        value = judge.of_candidate(candidate)
+        assert judge.knows(candidate)
+        [alone] = values(make(), [grasp_of(candidate, searched_mug)])
+        assert value == alone == judge.of_candidate(candidate)
 
 
 def test_a_hand_that_closes_beside_the_part_has_none(make, grasps):

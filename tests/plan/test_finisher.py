@@ -128,3 +128,53 @@ def test_something_may_be_done_before_each_candidate_that_is_finished_and_no_oth
     assert n_seen == [2, 3, 4]
     finisher.best(4, meanwhile=lambda: n_seen.append(-1))
     assert n_seen == [2, 3, 4]
+
+
+class Foreseen:
+    """Stands in for the case balance: figures by the place in the archive's list, largest last."""
+
+    def __init__(self, archive, n):
+        self.at = {c.T_object_palm.tobytes(): k for k, c in enumerate(archive.best(n))}
+        self.looked_at = []
+
+    def of_candidate(self, candidate):
+        self.looked_at.append(self.at[candidate.T_object_palm.tobytes()])
+        return 10.0 ** self.looked_at[-1]
+
+    def knows(self, candidate):
+        return self.at[candidate.T_object_palm.tobytes()] in self.looked_at
+
+    def judged(self, grasp):
+        return grasp
+
+
+def places(foreseen, grasps):
+    return sorted(foreseen.at[grasp.T_object_palm.tobytes()] for grasp in grasps)
+
+
+def test_half_is_the_best_and_half_what_the_trials_cases_leave_most_of(make_finisher, searched_mug):
+    finisher = make_finisher(lambda _grasp: True)
+    foreseen = finisher.in_cases = Foreseen(searched_mug.archive, 15)
+    finisher.best(4)  # five of fifteen are finished
+    assert places(foreseen, finisher.finished()) == [0, 1, 2, 13, 14]
+    assert sorted(foreseen.looked_at) == list(range(3, 15))
+
+
+def test_beside_a_search_few_are_looked_at_and_none_before_the_first_is_offered(
+    make_finisher, searched_mug
+):
+    finisher = make_finisher(lambda _grasp: True)
+    foreseen = finisher.in_cases = Foreseen(searched_mug.archive, 15)
+    finisher.best(4, fresh=1)
+    assert places(foreseen, finisher.finished()) == [0]
+    assert foreseen.looked_at == []
+    for n in (4, 8, 12):
+        finisher.best(4, fresh=1)
+        assert len(set(foreseen.looked_at)) == n
+
+
+def test_when_it_is_late_none_are_looked_at(make_finisher, searched_mug):
+    finisher = make_finisher(lambda _grasp: True)
+    foreseen = finisher.in_cases = Foreseen(searched_mug.archive, 15)
+    finisher.best(4, until=0.0)
+    assert foreseen.looked_at == []

@@ -13,18 +13,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.open_hand import pregrasp_of
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.plan.closing_balance import closing_balance
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.quality.balance_factor import CASE_BALANCE, balance_factor
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.search.archive import Candidate
 from gpis_grasp_planner.surroundings.hold_probability import close_disturbed, holds
 from gpis_grasp_planner.verification.cases import TrialCase
+
+Array = NDArray[np.float64]
 
 # With all twelve draws no more is known than with six.
 _DRAWS = 6
@@ -32,7 +37,7 @@ _LEAST_EPSILON = 1e-3
 
 
 class CaseBalance:
-    """Adds the figure `case_balance` to grasps.
+    """Knows the figure `case_balance` of grasps and candidates; what it has found it remembers.
 
     Parameters
     ----------
@@ -50,6 +55,8 @@ class CaseBalance:
         cases: Sequence[TrialCase],
     ):
         self._hand, self._settings = hand, settings.uncertainty
+        self._palm = hand.link_names.index(hand.palm_link)
+        self._known: dict[bytes, float] = {}
         draws = [case for case in cases if case.displacement is not None][:_DRAWS]
         self._cases = [
             (
@@ -68,16 +75,39 @@ class CaseBalance:
         ]
 
     def judged(self, grasp: Grasp) -> Grasp:
-        """The grasp with its `case_balance` (some 10 ms)."""
-        figures = {**grasp.quality.measured, CASE_BALANCE.name: float(np.mean(self._of(grasp)))}
+        """The grasp with its `case_balance` (7 ms)."""
+        on_palm = self._palm in grasp.contacts.links
+        value = self._of(grasp.T_object_palm, grasp.pregrasp_joints, on_palm)
+        figures = {**grasp.quality.measured, CASE_BALANCE.name: value}
         return replace(grasp, quality=replace(grasp.quality, measured=figures))
 
-    def _of(self, grasp: Grasp) -> list[float]:
+    def of_candidate(self, candidate: Candidate) -> float:
+        """The figure of an attempt that was not finished."""
+        attempts, i = candidate.attempts, candidate.index
+        on_palm = self._palm in attempts.links[i, : attempts.n_contacts[i]]
+        return self._of(candidate.T_object_palm, self._pregrasp(candidate), on_palm)
+
+    def knows(self, candidate: Candidate) -> bool:
+        """Whether :meth:`of_candidate` takes no time."""
+        return _key(candidate.T_object_palm, self._pregrasp(candidate)) in self._known
+
+    def _pregrasp(self, candidate: Candidate) -> Array:
+        index = np.array([candidate.index])
+        return np.asarray(pregrasp_of(candidate.attempts, index, self._hand)[0])
+
+    def _of(self, T_object_palm: Array, pregrasp_joints: Array, on_palm: bool) -> float:
+        key = _key(T_object_palm, pregrasp_joints)
+        if key not in self._known:
+            found = self._factors(T_object_palm, pregrasp_joints, on_palm)
+            self._known[key] = float(np.mean(found))
+        return self._known[key]
+
+    def _factors(self, T_object_palm: Array, pregrasp_joints: Array, on_palm: bool) -> list[float]:
         """Of each case the balance factor, 0 where the closed hand has no force closure."""
         found = []
         for T_part_estimate, evaluator, balance in self._cases:
-            T = (T_part_estimate @ grasp.T_object_palm)[None]
-            closed = close_disturbed(evaluator, self._hand, grasp, T, self._settings)
+            T = (T_part_estimate @ T_object_palm)[None]
+            closed = close_disturbed(evaluator, T, pregrasp_joints, on_palm, self._settings)
             if not holds(closed, self._hand, _LEAST_EPSILON)[0]:
                 found.append(0.0)
             elif balance is None:
@@ -94,3 +124,7 @@ class CaseBalance:
                 )
                 found.append(float(balance_factor(left)[0]))
         return found
+
+
+def _key(T_object_palm: Array, pregrasp_joints: Array) -> bytes:
+    return T_object_palm.tobytes() + pregrasp_joints.tobytes()

@@ -17,6 +17,7 @@ from gpis_grasp_planner.grasp.funnel import Funnel, Loss, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank, distinct
 from gpis_grasp_planner.grasp.tally import Tally
+from gpis_grasp_planner.plan.case_balance import CaseBalance
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
 from gpis_grasp_planner.search.archive import Candidate
 from gpis_grasp_planner.search.context import PlanningContext
@@ -24,6 +25,11 @@ from gpis_grasp_planner.search.finalists import grasp_of
 from gpis_grasp_planner.surroundings.clearance import Clearance
 
 _SPARE = 1.25
+# Where trials will be made, so many times as many candidates are looked at as are finished, as long
+# as this share of the time that finishing takes is left.
+_POOL = 3
+_LOOK_SHARE = 0.8
+_LOOKS = 4  # for each candidate that is finished beside a search
 _FIRST_COST_S = 0.05
 # Of so many of the best one is finished now and then, in a twentieth of the search's time: what one
 # costs, 20 to 150 ms by part and by contacts, is known only by the last few.
@@ -55,6 +61,8 @@ class Finisher:
         Takes what is lost here; the one of the search's evaluator.
     judge : callable
         Adds what other surfaces of the part say of a grasp.
+    in_cases : CaseBalance or None
+        What the cases of its trials say; None where none will be made.
     cost_s : float [s]
         Longest time for one of the last few candidates.
     n_seen, n_disagreed : int
@@ -67,6 +75,7 @@ class Finisher:
     clock: Callable[[], float]
     tally: Tally
     judge: Callable[[Grasp], Grasp] = lambda grasp: grasp
+    in_cases: CaseBalance | None = None
     cost_s: float = _FIRST_COST_S
     n_seen: int = 0
     _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
@@ -113,7 +122,9 @@ class Finisher:
         if seen:
             self.see()
         done = [finished.grasp for finished in self._added]
-        for candidate in self.context.archive.best(int(np.ceil(_SPARE * n))):
+        # Beside a search the first one is not kept waiting.
+        looks = None if fresh is None else _LOOKS * fresh * bool(self._known)
+        for candidate in self._chosen(int(np.ceil(_SPARE * n)), until, looks):
             key = _key(candidate)
             if key not in self._known:
                 late = until is not None and done and self.clock() + self.cost_s > until
@@ -210,6 +221,28 @@ class Finisher:
                 so_far.lose(Step.HELD, grasp.trials.outcomes[0].cause)
         return so_far.funnel(Step.HELD)
 
+    def _chosen(self, n: int, until: float | None, looks: int | None) -> list[Candidate]:
+        """Which of the archive's distinct candidates to finish.
+
+        The best half by the objective; and, where trials will decide, of the next ones those whose
+        objective the trials' cases leave most of. At most `looks` are looked at for that now.
+        """
+        cases, archive = self.in_cases, self.context.archive
+        if cases is None:
+            return archive.best(n)
+        pool = archive.best(_POOL * n)
+        first = (n + 1) // 2
+        worth: dict[bytes, float] = {}
+        for candidate in pool[first:]:
+            if not cases.knows(candidate):
+                late = until is not None and self.clock() + _LOOK_SHARE * n * self.cost_s > until
+                if late or looks == 0:
+                    continue
+                looks = None if looks is None else looks - 1
+            worth[_key(candidate)] = candidate.objective * cases.of_candidate(candidate)
+        others = sorted(pool[first:], key=lambda c: -worth.get(_key(c), 0.0))
+        return pool[:first] + others[: n - first]
+
     def _finish(self, key: bytes, candidate: Candidate, seen: bool) -> None:
         start = self.clock()
         self._known[key] = self._placed(candidate)
@@ -243,7 +276,10 @@ class Finisher:
             self.tally.lose_at(Step.CONFIRMED, Loss.MARGIN, grasp.T_object_palm[None])
             return None
         [grasp], [clearance] = self.placing.finished([grasp], [clearance])
-        return FinishedGrasp(self.judge(grasp), clearance)
+        grasp = self.judge(grasp)
+        if self.in_cases is not None:
+            grasp = self.in_cases.judged(grasp)
+        return FinishedGrasp(grasp, clearance)
 
 
 def _key(candidate: Candidate) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -52,19 +52,11 @@ class HoldRanking:
         """What tells whether grasps hold on the other surfaces of a scanned part."""
         return SurfaceJudge(self.part, self.hand, self.settings, self.prepared, self.request)
 
-    def judge(self, cases: Sequence[TrialCase]) -> Callable[[Grasp], Grasp]:
-        """What adds to a grasp the figures of how it holds on other surfaces, and in these cases.
-
-        Parameters
-        ----------
-        cases : sequence of TrialCase
-            None where none will be tried.
-        """
-        on_surfaces = self.on_surfaces.judged
+    def in_cases(self, cases: Sequence[TrialCase]) -> CaseBalance | None:
+        """What tells how grasps fare in cases of trials; None where there are none."""
         if not cases:
-            return on_surfaces
-        in_cases = CaseBalance(self.part, self.hand, self.settings, self.prepared, cases).judged
-        return lambda grasp: in_cases(on_surfaces(grasp))
+            return None
+        return CaseBalance(self.part, self.hand, self.settings, self.prepared, cases)
 
     @property
     def needed(self) -> bool:

@@ -119,7 +119,9 @@ class PlanRun:
                 part, self._friction, settings.verification, request.seed, place.covariance
             )
         self._finisher = Finisher(
-            self._context, placing, scene.agrees, monitor.now, self._tally, hold.judge(cases)
+            *(self._context, placing, scene.agrees, monitor.now, self._tally),
+            hold.on_surfaces.judged,
+            hold.in_cases(cases),
         )
         self._hold = hold
         self._limit: HandLimit | None = None

@@ -159,9 +159,10 @@ def estimate_hold(
 ) -> HoldEstimate:
     """What is expected of a grasp under perturbations (n, 6) with weights (n,)."""
     held, quality = [], []
+    on_palm = hand.link_names.index(hand.palm_link) in grasp.contacts.links
     for first in range(0, len(perturbations), _BATCH):
         T = perturbed_palms(grasp.T_object_palm, perturbations[first : first + _BATCH])
-        attempts = close_disturbed(evaluator, hand, grasp, T, settings)
+        attempts = close_disturbed(evaluator, T, grasp.pregrasp_joints, on_palm, settings)
         ok = holds(attempts, hand, settings.min_epsilon)
         held.append(ok)
         quality.append(np.where(ok, attempts.epsilon, 0.0))
@@ -178,22 +179,21 @@ def estimate_hold(
 
 def close_disturbed(
     evaluator: PostureEvaluator,
-    hand: HandDescription,
-    grasp: Grasp,
     T_object_palm: Array,
+    pregrasp_joints: Array,
+    on_palm: bool,
     settings: UncertaintySettings,
 ) -> Attempts:
-    """Close a grasp's hand where it comes to be beside the part, (n, 4, 4).
+    """Close a hand from its pre-grasp (J,) where it comes to be beside the part, (n, 4, 4).
 
-    A part that the open hand arrives in gives way, and one that was planned to touch the palm is
-    drawn in by the fingers.
+    A part that the open hand arrives in gives way, and one that was planned to touch the palm
+    (`on_palm`) is drawn in by the fingers.
     """
-    joints = np.repeat(grasp.pregrasp_joints[None], len(T_object_palm), axis=0)
+    joints = np.repeat(pregrasp_joints[None], len(T_object_palm), axis=0)
     attempts = evaluator.attempt_from(np.array(T_object_palm), joints)
     if settings.give_way_m > 0.0:
         _give_way(evaluator, attempts, joints, settings.give_way_m)
     # Fingertips that hold a part away from the palm do not draw it in.
-    on_palm = hand.link_names.index(hand.palm_link) in grasp.contacts.links
     if settings.draw_in_m > 0.0 and on_palm:
         _draw_in(evaluator, attempts, joints, settings.draw_in_m)
     return attempts
