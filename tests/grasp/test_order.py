@@ -67,3 +67,24 @@ def test_without_trials_it_is_epsilon_and_volume() -> None:
     assert all(rank(each) < rank(GRASP) for each in better)
     unbalanced = replace(GRASP, quality=Quality(0.2, 0.01, imbalance=3.0))
     assert rank(GRASP) < rank(unbalanced)
+
+
+def also(grasp: Grasp, name: str, *, passed: bool) -> Grasp:
+    outcomes = (*grasp.trials.outcomes, TrialOutcome(name, passed))
+    return replace(grasp, trials=Trials(outcomes))
+
+
+def test_a_grasp_that_fell_where_the_part_was_planned_counts_as_less_likely() -> None:
+    other, corner = "friction 0.6, 0.1 kg, bullet", "friction 0.3, 0.4 kg, mujoco"
+    displaced = "friction 0.5, 0.2 kg, mujoco, displaced 3"
+    for name in (other, corner):
+        assert rank(tried(0.85)) < rank(also(tried(0.92), name, passed=False))
+        assert rank(also(tried(0.92), name, passed=True)) < rank(tried(0.85))
+    # A draw that fell is in the estimate already.
+    assert rank(also(tried(0.92), displaced, passed=False)) < rank(tried(0.85))
+
+
+def test_steady_are_those_that_fell_at_most_beside_their_place() -> None:
+    assert tried(0.5).trials.steady
+    assert not tried(0.5, held=False).trials.steady
+    assert also(tried(0.5), "friction 0.5, 0.2 kg, mujoco, displaced 1", passed=False).trials.steady

@@ -11,6 +11,7 @@ from scipy.stats import kstest
 
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.uncertainty import SurfaceUncertainty
+from gpis_grasp_planner.grasp.trials import DISPLACED
 from gpis_grasp_planner.verification.cases import cad_mass, finalist_cases, spread_points
 from gpis_grasp_planner.verification.result import DirectionResult, Verification
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -30,6 +31,8 @@ def test_the_first_case_is_the_strict_protocol_then_draws_then_the_corner(bar: P
         assert low < drawn.mass_kg < high
         assert drawn == replace(SETTINGS, friction=drawn.friction, mass_kg=drawn.mass_kg)
     assert len({case.name for case in cases}) == 5
+    moved = [DISPLACED in case.name for case in cases]
+    assert moved == [case.displacement is not None for case in cases]
 
 
 def test_where_the_engine_is_open_the_other_one_is_asked_too(bar: Part) -> None:

@@ -20,9 +20,11 @@ Array = NDArray[np.float64]
 DISTINCT = 0.2
 
 # Of probabilities to hold: steps within which grasps are equal, and what one is multiplied by
-# where the closing hand pushes the part by 5 mm or 5 degrees.
+# where the closing hand pushes the part by 5 mm or 5 degrees, and where the grasp fell though
+# the part lay where it was planned.
 _RESOLUTION = 0.05
 _PUSHED = 0.8
+_UNSTEADY = 0.85
 
 
 def pose_difference(T_1: Array, T_2: Array, max_radius: float) -> Array:
@@ -66,14 +68,15 @@ def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
 
     Grasps that physics held come before untried ones, and those before grasps that failed. Within
     each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
-    while it closes counts as less likely, and differences that a dozen trials cannot show are
-    none. Then the likelier to hold under the pose's covariance by the contact model, of a part
+    while it closes counts as less likely, and so does a grasp that another engine or the hardest
+    friction and mass let fall; differences that a dozen trials cannot show are none. Then the likelier to hold under the pose's covariance by the contact model, of a part
     that was scanned on more of the surfaces drawn for it, then what the objective makes of it.
     """
     tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
     probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability
-    if tried > 0 and grasp.trials is not None and not grasp.trials.gentle:
-        probability *= _PUSHED
+    if tried > 0 and grasp.trials is not None:
+        probability *= 1.0 if grasp.trials.gentle else _PUSHED
+        probability *= 1.0 if grasp.trials.steady else _UNSTEADY
     surface = grasp.quality.measured.get(SURFACE_HOLD.name, 1.0)
     return (
         -float(tried),

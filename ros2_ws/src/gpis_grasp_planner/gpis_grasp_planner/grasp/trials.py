@@ -13,6 +13,9 @@ from dataclasses import dataclass
 VERIFICATIONS = ("none", "rank", "require")
 
 
+# In the name of a trial in which the part does not lie where it was planned.
+DISPLACED = ", displaced"
+
 _GENTLE_M = 0.005
 _GENTLE_RAD = math.radians(5.0)
 
@@ -88,6 +91,14 @@ class Trials:
         """Whether the closed hand pushed the part by less than 5 mm and 5 degrees."""
         first = self.outcomes[0]
         return first.closing_slip_m < _GENTLE_M and first.closing_rotation_rad < _GENTLE_RAD
+
+    @property
+    def steady(self) -> bool:
+        """Whether no trial failed in which the part lay where it was planned.
+
+        That are the nominal one, the same in another engine, and the hardest friction and mass.
+        """
+        return all(outcome.passed for outcome in self.outcomes if DISPLACED not in outcome.name)
 
     @property
     def largest_slip_m(self) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from gpis_grasp_planner.geometry.part import Friction, Part
-from gpis_grasp_planner.grasp.trials import TrialOutcome
+from gpis_grasp_planner.grasp.trials import DISPLACED, TrialOutcome
 from gpis_grasp_planner.verification.engines import engine_names, second_engines
 from gpis_grasp_planner.verification.pose_noise import noise_displacements
 from gpis_grasp_planner.verification.result import Verification
@@ -98,7 +98,7 @@ def finalist_cases(
             friction=low + u_friction * (high - low),
             mass_kg=settings.mass_kg * (mass / settings.mass_kg) ** u_mass,
         )
-        name, surface = f"{_name(drawn)}, displaced {k + 1}", None
+        name, surface = f"{_name(drawn)}{DISPLACED} {k + 1}", None
         if n_surfaces:
             surface = k % n_surfaces
             name += f", surface {surface + 1}"
