@@ -69,8 +69,9 @@ def answer_rank(grasp: Grasp, objective: Objective) -> tuple[float, ...]:
     Grasps that physics held come before untried ones, and those before grasps that failed. Within
     each, the likelier to hold by `hold_estimate` comes first; a hand that pushes the part away
     while it closes counts as less likely, and so does a grasp that another engine or the hardest
-    friction and mass let fall; differences that a dozen trials cannot show are none. Then the likelier to hold under the pose's covariance by the contact model, of a part
-    that was scanned on more of the surfaces drawn for it, then what the objective makes of it.
+    friction and mass let fall; differences that a dozen trials cannot show are none. Then the
+    likelier to hold under the pose's covariance by the contact model, of a part that was scanned
+    on more of the surfaces drawn for it, then what the objective makes of it.
     """
     tried = 0 if grasp.trials is None else (1 if grasp.trials.held else -1)
     probability = 0.0 if grasp.hold_estimate is None else grasp.hold_estimate.probability
