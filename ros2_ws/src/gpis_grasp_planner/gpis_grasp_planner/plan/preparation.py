@@ -245,7 +245,7 @@ class _SideBySide:
                 with self._look:
                     left[0] -= 1
                     last = not left[0]
-                if last and self._error is None:
+                if last and not self.failed:
                     self._result = joined(results)
                     self._done = True
             except BaseException as error:
