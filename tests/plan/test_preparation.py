@@ -120,17 +120,17 @@ def test_the_share_done_only_grows(sphere, monkeypatch):
     assert shares[-1] <= 1.0
 
 
-def test_it_ends_when_asked_and_leaves_nothing_running(sphere, kept):
-    preparation = Preparation(kept)
+def test_it_ends_when_asked_and_leaves_nothing_running(catalogue, kept):
+    mug, preparation = catalogue.load("mug"), Preparation(kept)  # takes twenty looks
     with pytest.raises(PlanningError) as caught:
-        preparation.of(sphere, should_stop=lambda: True)
+        preparation.of(mug, should_stop=lambda: True)
     assert caught.value.code is ErrorCode.CANCELLED
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and thread.daemon:
             thread.join(10.0)
             assert not thread.is_alive()
     assert preparation.disk.entries() == []
-    assert preparation.of(sphere) is preparation.of(sphere)
+    assert preparation.of(mug) is preparation.of(mug)
 
 
 def test_a_step_that_never_ends_does_not_keep_the_caller(sphere, monkeypatch):
