@@ -30,9 +30,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    # Neither a robot in the next room nor a second test run may hear these nodes. Domains up to
-    # 101 keep clear of the ephemeral ports.
-    os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 101)
+    # Neither a robot in the next room nor a second test run may hear these nodes, nor those of the
+    # other workers of this run, whose own numbers may be 101 apart. Domains up to 101 keep clear
+    # of the ephemeral ports.
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "")
+    run = os.getppid() if worker else os.getpid()
+    number = run + int(worker.removeprefix("gw") or 0)
+    os.environ["ROS_DOMAIN_ID"] = str(1 + number % 101)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
