@@ -9,6 +9,7 @@ imports ends the node as orderly as a later one.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -66,9 +67,13 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
         log.fatal(f"Not started: {printable(error, 1000)}")
         rclpy.try_shutdown()
         return EXIT_CONFIGURATION
+    # A full collection looks at all that was imported, with every thread waiting.
+    gc.collect()
+    gc.freeze()
     try:
         spin(node, stop)
     finally:
+        gc.unfreeze()
         rclpy.try_shutdown()
     return 0
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import threading
 from typing import TYPE_CHECKING
 
@@ -46,9 +45,6 @@ def spin(node: GraspPlannerNode | GraspPlannerLifecycleNode, stop: threading.Eve
     """Run a node until `stop` is set, answer what is open, and destroy it."""
     executor = MultiThreadedExecutor(num_threads=n_threads(node.grasp_parameters))
     executor.add_node(node)
-    # A full collection looks at all that was imported, with every thread waiting.
-    gc.collect()
-    gc.freeze()
     while rclpy.ok() and not stop.is_set():
         node.between_spins()
         try:
