@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.special import betaln
+from scipy.stats import spearmanr
 
 TESTS = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(TESTS))
@@ -57,7 +58,8 @@ def main() -> None:
     file = arguments.out / "grasps.jsonl"
     if not arguments.fit:
         collect_all(arguments, file)
-    report = fit([json.loads(line) for line in file.read_text().splitlines()])
+    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    report = fit(rows) + "\n" + of_the_corner(rows)
     (arguments.out / "tables.md").write_text(report)
     print(report)
 
@@ -158,12 +160,47 @@ def fit(rows: list[dict]) -> str:
             best = score, deviation, strength
     assert best is not None
     lines += ["", f"Best: deviation {best[1]:g}, strength {best[2]:g}.", ""]
+    lines += told_by(parts, x, first, passed, n, wide)
     for name, counted, of in (("first", first, ones), ("further", passed / 12, n / 12)):
         found = wide.updated(x, counted, of)
         error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
         entries = [f"{w:.2f} ± {e:.2f}" for w, e in zip(found.mean, error, strict=True)]
         lines.append(f"Weights of the {name} case{'s' * (name != 'first')}: {', '.join(entries)}")
     return "\n".join(lines) + "\n"
+
+
+def of_the_corner(rows: list[dict]) -> str:
+    """On how many parts any of the tried grasps passes the last case, by place."""
+    lines = ""
+    for place in ("free", "table"):
+        passes: dict[str, bool] = {}
+        for row in (row for row in rows if row["place"] == place):
+            found = row["passed"][0] and row["passed"][-1]
+            passes[row["part"]] = passes.get(row["part"], False) or found
+        n = sum(passes.values())
+        lines += f"{place}: a tried grasp passes the corner on {n} of {len(passes)} parts.\n"
+    return lines
+
+
+def told_by(parts, x, first, passed, n, wide) -> list[str]:
+    """What models of the other parts tell of a part's grasps, without the case balance and with."""
+    lines = ["| figures | first case: AUC | further cases: rank correlation |", "|---|---|---|"]
+    held = first > 0.0
+    for name, columns in (("balance, epsilon, volume", 4), ("and case balance", 5)):
+        told = np.zeros((2, len(parts)))
+        some = x[:, :columns]
+        start = Logistic(wide.mean[:columns], wide.precision[:columns, :columns])
+        for part in dict.fromkeys(parts):
+            own, of_first, of_held = parts == part, parts != part, (parts != part) & held
+            counted = first[of_first], np.ones(of_first.sum())
+            told[0, own] = start.updated(some[of_first], *counted).probability(some[own])
+            counted = passed[of_held] / 12, n[of_held] / 12
+            told[1, own] = start.updated(some[of_held], *counted).probability(some[own])
+        pairs = told[0][held][:, None] - told[0][~held][None]
+        auc = 0.5 + 0.5 * np.sign(pairs).mean()
+        rank = spearmanr(told[1][held], (passed / np.maximum(n, 1.0))[held]).statistic
+        lines.append(f"| {name} | {auc:.2f} | {rank:.2f} |")
+    return [*lines, ""]
 
 
 if __name__ == "__main__":

@@ -128,8 +128,8 @@ def test_a_small_mesh_has_no_slabs(tree):
     assert tree.slabs.shape == (0, 5)
 
 
-def test_slabs_hold_their_triangles_and_are_thin_where_the_surface_is_smooth(fine_ball):
-    tree, rng = fine_ball, np.random.default_rng(5)
+def test_slabs_hold_their_triangles_and_are_thin_where_the_surface_is_smooth(fine_ball, rng):
+    tree = fine_ball
     assert tree.slabs.shape == (len(tree.child), 5)
     has_one = np.linalg.norm(tree.slabs[:, :3], axis=1) > 0.5
     assert not has_one[0]

@@ -96,6 +96,24 @@ def _support_plane(columns, n, direction, out):  # type: ignore[no-untyped-def]
 
 
 @njit(allocates=False)
+def _keeps_node_off(second, lower, upper, slabs, node, reach):  # type: ignore[no-untyped-def]
+    """Whether a plane that the polytope is behind keeps a node's slab farther off than `reach`."""
+    if slabs.shape[0] == 0:
+        return False
+    return (
+        second[3] - _farthest(lower, upper, slabs, node, second[0], second[1], second[2]) >= reach
+    )
+
+
+@njit(allocates=False)
+def _keeps_off(second, slabs, triangle, reach):  # type: ignore[no-untyped-def]
+    """As `_keeps_node_off`, of a triangle."""
+    if slabs.shape[0] == 0:
+        return False
+    return second[3] - _highest(triangle, second[0], second[1], second[2]) >= reach
+
+
+@njit(allocates=False)
 def _columns_of(vertices, columns):  # type: ignore[no-untyped-def]
     """The vertices' coordinates as rows, `filled`; returns how many."""
     for i in range(vertices.shape[0]):
@@ -179,10 +197,8 @@ def polytope_mesh(
             highest = _farthest(lower, upper, slabs, node, nx, ny, nz)
             if plane - highest >= share * best:
                 continue
-        if slabs.shape[0] > 0:
-            highest = _farthest(lower, upper, slabs, node, second[0], second[1], second[2])
-            if second[3] - highest >= share * best:
-                continue
+        if _keeps_node_off(second, lower, upper, slabs, node, share * best):
+            continue
         if child[node, 0] >= 0:
             a, b = child[node, 0], child[node, 1]
             gap_a = _box_gap(R, t, box_low, box_high, lower, upper, a)
@@ -204,10 +220,8 @@ def polytope_mesh(
             _take_triangle(triangles, f, triangle)
             if have_plane and plane - _highest(triangle, nx, ny, nz) >= share * best:
                 continue
-            if slabs.shape[0] > 0:
-                highest = _highest(triangle, second[0], second[1], second[2])
-                if second[3] - highest >= share * best:
-                    continue
+            if _keeps_off(second, slabs, triangle, share * best):
+                continue
             d = columns_distance(columns, n, triangle, 3, best, direction, p, q, scratch)
             if d <= 0.0:
                 return 0.0
@@ -260,10 +274,8 @@ def near_pairs(
             highest = _farthest(lower, upper, slabs, node, nx, ny, nz)
             if plane - highest >= limit:
                 continue
-        if slabs.shape[0] > 0:
-            highest = _farthest(lower, upper, slabs, node, second[0], second[1], second[2])
-            if second[3] - highest >= limit:
-                continue
+        if _keeps_node_off(second, lower, upper, slabs, node, limit):
+            continue
         if _box_gap(R, t, box_low, box_high, lower, upper, node) >= limit:
             continue
         if child[node, 0] >= 0:
@@ -278,10 +290,8 @@ def near_pairs(
                 continue
             if apart > 0.0 and _covers_triangle(p_other, count, apart, triangle):
                 continue
-            if slabs.shape[0] > 0:
-                highest = _highest(triangle, second[0], second[1], second[2])
-                if second[3] - highest >= limit:
-                    continue
+            if _keeps_off(second, slabs, triangle, limit):
+                continue
             d = columns_distance(columns, n, triangle, 3, limit, direction, p, q, scratch)
             if d > limit and slabs.shape[0] > 0:
                 _support_plane(columns, n, p, second)

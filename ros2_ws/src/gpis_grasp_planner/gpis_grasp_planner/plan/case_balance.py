@@ -20,7 +20,7 @@ from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.open_hand import pregrasp_of
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.plan.closing_balance import closing_balance
+from gpis_grasp_planner.plan.closing_balance import with_balance
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.quality.balance_factor import CASE_BALANCE, balance_factor
@@ -31,7 +31,7 @@ from gpis_grasp_planner.verification.cases import TrialCase
 
 Array = NDArray[np.float64]
 
-# With all twelve draws no more is known than with six.
+# With all twelve draws hardly more is known than with six.
 _DRAWS = 6
 _LEAST_EPSILON = 1e-3
 
@@ -61,15 +61,17 @@ class CaseBalance:
         self._cases = [
             (
                 np.eye(4) if case.displacement is None else inverse(case.displacement),
-                CompiledEvaluator(
-                    hand,
-                    part,
-                    Friction(case.settings.friction, case.settings.friction),
-                    settings.scene,
-                    prepared.field,
-                    prepared.tree,
+                with_balance(
+                    CompiledEvaluator(
+                        hand,
+                        part,
+                        Friction(case.settings.friction, case.settings.friction),
+                        settings.scene,
+                        prepared.field,
+                        prepared.tree,
+                    ),
+                    *(hand, part, settings, case.settings.mass_kg),
                 ),
-                closing_balance(hand, part, settings, case.settings.mass_kg),
             )
             for case in (*draws, cases[-1])
         ]
@@ -105,24 +107,15 @@ class CaseBalance:
     def _factors(self, T_object_palm: Array, pregrasp_joints: Array, on_palm: bool) -> list[float]:
         """Of each case the balance factor, 0 where the closed hand has no force closure."""
         found = []
-        for T_part_estimate, evaluator, balance in self._cases:
+        for T_part_estimate, evaluator in self._cases:
             T = (T_part_estimate @ T_object_palm)[None]
             closed = close_disturbed(evaluator, T, pregrasp_joints, on_palm, self._settings)
             if not holds(closed, self._hand, _LEAST_EPSILON)[0]:
                 found.append(0.0)
-            elif balance is None:
+            elif closed.imbalance is None:
                 found.append(1.0)
             else:
-                left = balance.imbalance(
-                    closed.T_object_palm,
-                    closed.joints,
-                    closed.n_contacts,
-                    closed.positions,
-                    closed.normals_inward,
-                    closed.friction,
-                    closed.links,
-                )
-                found.append(float(balance_factor(left)[0]))
+                found.append(float(balance_factor(closed.imbalance)[0]))
         return found
 
 

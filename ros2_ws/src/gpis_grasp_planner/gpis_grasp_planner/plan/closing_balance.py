@@ -14,29 +14,28 @@ _LEAST_ACCELERATION_M_S2 = 1.0
 
 
 def with_balance(
-    evaluator: PostureEvaluator, hand: HandDescription, part: Part, settings: PlannerSettings
+    evaluator: PostureEvaluator,
+    hand: HandDescription,
+    part: Part,
+    settings: PlannerSettings,
+    mass_kg: float | None = None,
 ) -> PostureEvaluator:
     """An evaluator whose grasps have their imbalance; itself where the settings do not ask.
 
     Forces and pushes are those of the trials (forces the hand's own, if its description has
-    them), so that the search looks for what they will find.
+    them), so that the search looks for what they will find. The pushes are of `mass_kg`; None: of
+    the trials' deciding case.
     """
-    balance = closing_balance(hand, part, settings, settings.verification.mass_kg)
-    return evaluator if balance is None else BalancedEvaluator(evaluator, balance)
-
-
-def closing_balance(
-    hand: HandDescription, part: Part, settings: PlannerSettings, mass_kg: float
-) -> ClosingBalance | None:
-    """The balance of hands on a part of this mass; None where the settings do not ask."""
     share, trial = settings.hpp.balance_friction_share, settings.verification
     if share == 0.0:
-        return None
-    return ClosingBalance(
+        return evaluator
+    balance = ClosingBalance(
         hand,
         part.center_of_mass,
         part.max_radius,
         share,
         *trial.forces_n(hand.drive),
-        mass_kg * max(trial.acceleration_m_s2, _LEAST_ACCELERATION_M_S2),
+        (trial.mass_kg if mass_kg is None else mass_kg)
+        * max(trial.acceleration_m_s2, _LEAST_ACCELERATION_M_S2),
     )
+    return BalancedEvaluator(evaluator, balance)

@@ -178,11 +178,9 @@ class Finisher:
         self._sample_at = now + _SAMPLING_PAUSE * (now - start)
 
     def time_for(self, n: int) -> float:
-        """What it will take to finish the best `n` distinct candidates that there are now [s]."""
-        missing = sum(
-            _key(candidate) not in self._known
-            for candidate in self.context.archive.best(int(np.ceil(_SPARE * n)))
-        )
+        """What it will take to finish the `n` that :meth:`best` would choose now [s]."""
+        chosen = self._chosen(int(np.ceil(_SPARE * n)), None, looks=0)
+        missing = sum(_key(candidate) not in self._known for candidate in chosen)
         return missing * self.cost_s
 
     def clearance_of(self, grasp: Grasp) -> Clearance:

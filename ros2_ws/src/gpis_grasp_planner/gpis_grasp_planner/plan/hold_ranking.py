@@ -13,7 +13,6 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.plan.case_balance import CaseBalance
 from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor
@@ -22,7 +21,6 @@ from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.surface_judge import SurfaceJudge
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
-from gpis_grasp_planner.verification.cases import TrialCase
 
 _SECONDS_PER_SAMPLE = 0.002
 
@@ -51,12 +49,6 @@ class HoldRanking:
     def on_surfaces(self) -> SurfaceJudge:
         """What tells whether grasps hold on the other surfaces of a scanned part."""
         return SurfaceJudge(self.part, self.hand, self.settings, self.prepared, self.request)
-
-    def in_cases(self, cases: Sequence[TrialCase]) -> CaseBalance | None:
-        """What tells how grasps fare in cases of trials; None where there are none."""
-        if not cases:
-            return None
-        return CaseBalance(self.part, self.hand, self.settings, self.prepared, cases)
 
     @property
     def needed(self) -> bool:

@@ -17,6 +17,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
+from gpis_grasp_planner.plan.case_balance import CaseBalance
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
 from gpis_grasp_planner.plan.constraints import make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp, Finisher
@@ -121,7 +122,7 @@ class PlanRun:
         self._finisher = Finisher(
             *(self._context, placing, scene.agrees, monitor.now, self._tally),
             hold.on_surfaces.judged,
-            hold.in_cases(cases),
+            CaseBalance(part, self.hand, settings, prepared, cases) if cases else None,
         )
         self._hold = hold
         self._limit: HandLimit | None = None

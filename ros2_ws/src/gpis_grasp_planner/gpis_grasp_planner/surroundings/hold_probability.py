@@ -229,8 +229,9 @@ def _put(
 ) -> None:
     """Put (some of) other attempts into rows."""
     for name in ("T_object_palm", "status", "joints", "n_contacts", "positions", "normals_inward",
-                 "friction", "links", "epsilon", "volume"):  # fmt: skip
-        getattr(attempts, name)[rows] = getattr(again, name)[of]
+                 "friction", "links", "epsilon", "volume", "imbalance"):  # fmt: skip
+        if getattr(attempts, name) is not None:
+            getattr(attempts, name)[rows] = getattr(again, name)[of]
 
 
 def covariance_root(covariance: Array) -> Array:

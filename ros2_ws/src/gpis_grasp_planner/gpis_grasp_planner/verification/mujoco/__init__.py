@@ -1,7 +1,7 @@
 """MuJoCo as an engine, without its windows.
 
 While it is imported, MuJoCo's OpenGL part has GLFW start programs that ask its libraries for their
-version: a third of the import's time, and a traceback on the terminal where the process ends
+version: two fifths of the import's time, and a traceback on the terminal where the process ends
 meanwhile. Nothing here draws with MuJoCo. Who does so in the same process imports it before, or
 says by MUJOCO_GL what to draw with.
 """
