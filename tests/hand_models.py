@@ -25,7 +25,7 @@ def closed_on(hand: HandDescription, part: Part, center_palm: np.ndarray | list[
     """The grasp that the closing makes of a part whose frame is parallel to the palm's."""
     T = inverse(transform(np.eye(3), center_palm))
     closed = CompiledEvaluator(hand, part, Friction(0.6, 0.6), SceneSettings()).attempt(
-        T[None], np.zeros(1)
+        T[None], np.zeros((1, len(hand.preshape)))
     )
     return Grasp(
         T_object_palm=closed.T_object_palm[0],

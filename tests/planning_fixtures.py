@@ -46,7 +46,7 @@ def make_attempts(T, epsilon, volume=None, status=None, n_joints=8):
     status = np.full(n, AttemptStatus.GRASPED) if status is None else np.asarray(status)
     return Attempts(
         T_object_palm=T,
-        spread=np.zeros(n),
+        preshape=np.zeros((n, 1)),
         status=status.astype(np.int64),
         joints=np.zeros((n, n_joints)),
         n_contacts=np.zeros(n, dtype=np.int64),
@@ -206,7 +206,7 @@ class RecordingEvaluator:
     free : callable
         (n,) -> (n,) bool, which of n hands come free.
     figures : callable
-        (T (n, 4, 4), spread (n,)) -> epsilon (n,).
+        (T (n, 4, 4), pre-shape (n, 1)) -> epsilon (n,).
     """
 
     friction = FRICTION
@@ -228,7 +228,7 @@ class RecordingEvaluator:
         self.attempts.append((np.array(T_object_palm), np.array(spread)))
         self.n_attempts += len(T_object_palm)
         result = make_attempts(T_object_palm, self.figures(T_object_palm, spread))
-        result.spread[:] = spread
+        result.preshape[:] = spread
         return result
 
     def clear_palm(self, T_object_palm, normals_outward, spread, standoff):

@@ -47,7 +47,9 @@ def scene(mesh_id: str) -> SimpleNamespace:
     evaluator = CompiledEvaluator(hand, part, FRICTION, SceneSettings())
     rng = np.random.default_rng(11)
     space = PalmSearchSpace(part.mesh.bounds, 0.06)
-    T, spread = space.poses(space.domain.sample(N_HANDS, rng)), rng.uniform(0.0, 3.0, N_HANDS)
+    # The former version takes one figure a hand in place of a vector.
+    shape = (N_HANDS, 1) if hasattr(load_hand(), "preshape") else (N_HANDS,)
+    T, spread = space.poses(space.domain.sample(N_HANDS, rng)), rng.uniform(0.0, 3.0, shape)
     T[:, :3, 3] = 0.3 * T[:, :3, 3] - 0.08 * T[:, :3, 2]
     normals = -T[:, :3, 2]
     free, _ = evaluator.clear_palm(T, normals, spread, np.zeros(N_HANDS))

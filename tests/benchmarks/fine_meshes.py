@@ -24,10 +24,10 @@ N = 480
 
 
 def hands(part):
-    """Palm poses about a part and spreads; not yet free of it."""
+    """Palm poses about a part and pre-shapes; not yet free of it."""
     rng = np.random.default_rng(1)
     space = PalmSearchSpace(part.mesh.bounds, 0.06)
-    T, spread = space.poses(space.domain.sample(N, rng)), rng.uniform(0.0, 2.5, N)
+    T, spread = space.poses(space.domain.sample(N, rng)), rng.uniform(0.0, 2.5, (N, 1))
     T[:, :3, 3] = 0.3 * T[:, :3, 3] - 0.08 * T[:, :3, 2]
     return T, spread
 

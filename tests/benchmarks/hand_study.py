@@ -116,7 +116,7 @@ def tried(planner, part, place, arguments):
 
 def widest_pinch(hand) -> float:
     """Largest distance [m] of two sides of the hand that face each other."""
-    return float(pinches(hand, hand.spread_upper).width[-1])
+    return float(pinches(hand, 180.0).width[-1])
 
 
 def smallest_width(vertices) -> float:

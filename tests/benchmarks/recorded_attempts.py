@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from gpis_grasp_planner.hand.preshape import set_spread
-
 # Evaluator, palm poses (B, 4, 4), postures (B, J) from which the hands close.
 Recorded = list[tuple[Any, np.ndarray, np.ndarray]]
 
@@ -23,7 +21,7 @@ def recording(evaluator_class: type) -> Iterator[Recorded]:
         def call(self: Any, T: np.ndarray, how: np.ndarray) -> Any:
             start = np.array(how) if from_posture else np.zeros((len(T), self.hand.n_joints))
             if not from_posture:
-                set_spread(self.hand, start, how)
+                self.hand.preshape.put(start, how)
             recorded.append((self, np.array(T), start))
             return method(self, T, how)
 

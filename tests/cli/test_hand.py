@@ -22,7 +22,7 @@ def test_facts_as_json(gpis_grasp) -> None:
     assert [j["name"] for j in facts["joints"]] == list(hand.joint_names)
     np.testing.assert_array_equal([j["upper"] for j in facts["joints"]], hand.joint_upper)
     assert [link["friction_group"] for link in facts["links"]] == list(hand.link_friction_group)
-    assert [m["name"] for m in facts["motors"]] == list(hand.drive.motor_names)
+    assert [m["name"] for m in facts["motors"]] == [*hand.preshape.names, *hand.drive.motor_names]
 
 
 def test_facts_for_people(gpis_grasp) -> None:
@@ -45,7 +45,7 @@ def test_the_list_names_the_default_and_the_gripper(gpis_grasp) -> None:
 def test_a_good_hand_passes_and_a_bad_one_is_explained(gpis_grasp, tmp_path) -> None:
     answer = gpis_grasp("hand", "check", "parallel_jaw")
     assert answer.code == 0
-    assert "2 fingers of 1 link, no spread" in answer.out
+    assert "2 fingers of 1 link, pre-shape: none" in answer.out
     hand = load_hand("parallel_jaw")
     text = hand.yaml_path.read_text().replace("[0.0, 0.0, 40.0]", "[0.0, 5.0, 140.0]")
     (tmp_path / "bad.yaml").write_text(text)

@@ -41,7 +41,7 @@ def poses(planner, sphere, make_context, pair):
     T = np.stack([c.T_object_palm for c in candidates])
     moved = T.copy()
     moved[:, :3, 3] += 0.02 * moved[:, :3, 0]
-    spread = np.array([c.spread for c in candidates])
+    spread = np.array([c.preshape for c in candidates])
     return np.concatenate([T, moved]), np.concatenate([spread, spread])
 
 

@@ -49,7 +49,9 @@ def ball_grasps(planner, sphere, make_context):
     while len(context.archive) < 40:
         search.step()
     candidates = context.archive.best(60, 0.05)
-    return np.stack([c.T_object_palm for c in candidates]), np.array([c.spread for c in candidates])
+    return np.stack([c.T_object_palm for c in candidates]), np.array(
+        [c.preshape for c in candidates]
+    )
 
 
 def test_attempts_are_the_plain_ones_less_the_blocked(planner, sphere, ball_grasps):
@@ -75,7 +77,7 @@ def test_attempts_are_the_plain_ones_less_the_blocked(planner, sphere, ball_gras
     assert (before.epsilon[blocked] > 0.0).all()
     assert (after.objective(EpsilonVolume(0.1))[blocked] == 0.0).all()
     np.testing.assert_array_equal(after.T_object_palm, T)
-    np.testing.assert_allclose(after.spread, spread, atol=1e-12)
+    np.testing.assert_allclose(after.preshape, spread, atol=1e-12)
 
 
 def test_a_narrow_start_ends_in_the_same_grasp(planner, sphere, ball_grasps):
@@ -192,7 +194,7 @@ def test_constraints_are_asked_in_sequence_and_the_first_to_object_counts(
 def test_a_state_that_is_forbidden_has_no_finite_energy(planner, sphere, rng):
     plain, table = evaluators(planner, sphere)
     T = transform(Rotation.random(60, rng=rng).as_matrix(), rng.uniform(-0.25, 0.25, (60, 3)))
-    joints = open_postures(planner.hand, rng.uniform(0.0, np.pi, 60))
+    joints = open_postures(planner.hand, rng.uniform(0.0, np.pi, (60, 1)))
     [support] = table.constraints
     allowed = support.allows(T, joints)
     energy = table.guided_potential(T, joints)

@@ -15,7 +15,7 @@ def closings(hand, start, inner, motor, rng):
     """Arguments of `hand_motions`: motors (B, 3) from start, inner links stopped at `inner`."""
     n = len(start)
     T = transform(Rotation.random(n, rng=rng).as_matrix(), rng.uniform(-0.1, 0.1, (n, 3)))
-    spread = rng.uniform(0.0, np.pi, n)
+    spread = rng.uniform(0.0, np.pi, (n, 1))
     opened = joints_from_motors(hand, spread, start, inner[..., None])
     return T, opened, joints_from_motors(hand, spread, motor, inner[..., None]), -0.1 * T[:, :3, 2]
 
@@ -29,7 +29,7 @@ def mixed(planner, rng):
     motor = inner + rng.uniform(0.0, 0.3, (n, 3)) * (rng.random((n, 3)) < 0.5)
     inner[-2] = motor[-2] = start[-2]
     start[-1] = 0.0
-    inner[-1] = motor[-1] = planner.hand.drive.motor_upper[1:]
+    inner[-1] = motor[-1] = planner.hand.drive.motor_upper
     return closings(planner.hand, start, inner, motor, rng)
 
 

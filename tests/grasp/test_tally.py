@@ -24,7 +24,7 @@ def test_what_is_tallied_are_the_attempts_with_force_closure(made):
     n = len(made)
     attempts = Attempts(
         T_object_palm=numbered_poses(n),
-        spread=np.zeros(n),
+        preshape=np.zeros((n, 1)),
         status=np.array([status for status, _, _ in made], dtype=np.int64),
         joints=np.zeros((n, 8)),
         n_contacts=np.array([k for _, k, _ in made], dtype=np.int64),

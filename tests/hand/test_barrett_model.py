@@ -159,7 +159,7 @@ def clearance_mm(joints):
 
 @pytest.mark.parametrize("spread_deg", [0, 45, 90, 135, 180])
 def test_the_open_hand_does_not_touch_itself(spread_deg):
-    q = joints_from_motors(load_hand(), np.radians([spread_deg]), np.zeros((1, 3)))
+    q = joints_from_motors(load_hand(), np.radians([[spread_deg]]), np.zeros((1, 3)))
     assert min(clearance_mm(q).values()) > 0.35
 
 

@@ -37,7 +37,8 @@ def test_the_tree_hangs_on_the_palm_with_parents_first():
         assert hand.link_names[finger.inner_link] == f"bh_finger_{number}_inner_link"
         assert hand.link_names[finger.distal_link] == f"bh_finger_{number}_distal_link"
         assert hand.link_joint[finger.distal_link] == finger.distal_joint
-    assert [finger.spread_sign for finger in hand.fingers] == [-1, 1, 0]
+    assert hand.preshape.names == ("spread",)
+    np.testing.assert_array_equal(hand.preshape.gain, [[1.0, 1.0]])
 
 
 def test_only_the_palm_and_the_third_fingers_block_have_the_palms_friction():

@@ -11,7 +11,6 @@ from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, reachable
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.hand.mirror import hand_mirror
-from gpis_grasp_planner.hand.preshape import spread_of
 
 
 @pytest.fixture
@@ -35,11 +34,16 @@ def test_the_shipped_files_are_what_the_generator_writes(hand, tmp_path):
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("yaml", "spread_gain: 1\n", "spread_gain: 1.2\n", "'thumb_base_joint' to 1.0472"),
         (
             "yaml",
-            "[50, 95, 95, 95, 95]",
-            "[50, 95, 95, 80, 95]",
+            "thumb_base_joint: 1}",
+            "thumb_base_joint: 1.2}",
+            "'thumb_base_joint' from 0.0000 to 1.0472",
+        ),
+        (
+            "yaml",
+            "[95, 95, 95, 95]",
+            "[95, 95, 80, 95]",
             "'R' of finger 'R' ends at 1.3963",
         ),
         ("urdf", 'xyz="0.042 -0.038 0.034"', 'xyz="0.042 -0.018 0.034"', "overlap each other"),
@@ -56,7 +60,7 @@ def test_what_makes_bad_plans_is_told(hand, tmp_path, file, old, new, said):
 
 def test_the_spread_fans_the_fingers_and_turns_the_thumb(hand):
     joints = joints_from_motors(hand, np.radians([50.0]), np.zeros((1, 4)))
-    bases = [finger.spread_joint for finger in hand.fingers]
+    bases = hand.preshape.joints
     np.testing.assert_allclose(np.degrees(joints[0, bases]), (-20, 0, 20, 50), atol=1e-9)
     T = link_transforms(hand, joints)[0]
     points_to = [T[finger.knuckle_link, :2, 0] for finger in hand.fingers]
@@ -66,13 +70,13 @@ def test_the_spread_fans_the_fingers_and_turns_the_thumb(hand):
 
 def test_spread_and_motors_are_read_back(hand, rng):
     n = 200
-    spread = rng.uniform(0.0, hand.spread_upper, n)
-    upper = hand.joint_upper[hand.finger_joints]
+    spread = rng.uniform(0.0, hand.preshape.upper, (n, 1))
+    upper = hand.of_fingers(hand.joint_upper)
     held = np.where(rng.random((n, 4, 2)) < 0.5, rng.uniform(0.0, upper[:, :2], (n, 4, 2)), np.inf)
     # no farther than where the last joint ends: all row ends lie at the same share of the limits
     motors = rng.uniform(0.0, 0.3, (n, 4))
     joints = joints_from_motors(hand, spread, motors, held)
-    assert (joints[:, hand.finger_joints[:, 2]] < upper[:, 2]).all()
+    assert (hand.of_fingers(joints)[..., 2] < upper[:, 2]).all()
     back = motors_from_joints(hand, joints)
     np.testing.assert_allclose(back[0], spread, atol=1e-12)
     np.testing.assert_allclose(back[1], motors, atol=1e-12)
@@ -82,17 +86,17 @@ def test_spread_and_motors_are_read_back(hand, rng):
 def test_a_hand_whose_bases_disagree_is_out_of_reach(hand):
     good = joints_from_motors(hand, [0.4], np.full((1, 4), 0.5))[0]
     fan, middle = good.copy(), good.copy()
-    fan[hand.fingers[0].spread_joint] += 0.05
-    middle[hand.fingers[1].spread_joint] += 0.05
+    fan[hand.preshape.joints[0]] += 0.05
+    middle[hand.preshape.joints[1]] += 0.05
     np.testing.assert_array_equal(
         reachable(hand, np.stack([good, fan, middle])), [True, False, False]
     )
-    assert spread_of(hand, good[None])[0] == pytest.approx(0.4)
+    assert hand.preshape.of(good[None])[0, 0] == pytest.approx(0.4)
 
 
 def test_free_fingers_keep_their_ratios_and_those_outwards_of_a_held_link_go_on(hand):
     joints = joints_from_motors(hand, [0.0], np.full((1, 4), 1.0))[0]
-    np.testing.assert_allclose(joints[hand.finger_joints], np.tile([1.0, 0.9, 0.8], (4, 1)))
+    np.testing.assert_allclose(hand.of_fingers(joints), np.tile([1.0, 0.9, 0.8], (4, 1)))
     held = np.full((1, 4, 2), np.inf)
     held[0, 0, 0] = 0.5
     joints = joints_from_motors(hand, [0.0], np.full((1, 4), 0.6), held)[0]

@@ -17,7 +17,7 @@ TIP, TIP_CENTER = np.array([0.050, 0.0095, 0.0]), np.array([0.048, -0.0002, 0.0]
 def test_points_of_the_given_cases_agree_within_a_hundredth_of_a_millimetre():
     hand, cases = load_hand(), CASES["cases"]
     assert len(cases) == 20
-    spread = [case["spread"] for case in cases]
+    spread = [[case["spread"]] for case in cases]
     motor = [[case[f] for f in ("f1", "f2", "f3")] for case in cases]
     T_palm_link = link_transforms(hand, joints_from_motors(hand, spread, motor))
     for row, case in zip(T_palm_link, cases, strict=True):
@@ -57,7 +57,7 @@ def test_spread_turns_the_fingers_the_way_the_fact_sheet_says(
     spread_deg, direction_f1, direction_f2
 ):
     hand = load_hand()
-    q = joints_from_motors(hand, np.radians([spread_deg]), np.zeros((1, 3)))
+    q = joints_from_motors(hand, np.radians([[spread_deg]]), np.zeros((1, 3)))
     T = link_transforms(hand, q)[0]
     for finger, wanted, axis_x in zip(
         hand.fingers[:2], (direction_f1, direction_f2), (-0.025, 0.025), strict=True
@@ -71,7 +71,7 @@ def test_spread_turns_the_fingers_the_way_the_fact_sheet_says(
 def test_third_fingers_tip_reaches_the_centre_line_at_85_5_degrees_167_mm_high():
     hand = load_hand()
     motor_deg = np.linspace(80.0, 90.0, 1001)
-    q = joints_from_motors(hand, np.zeros(1001), np.tile(np.radians(motor_deg)[:, None], 3))
+    q = joints_from_motors(hand, np.zeros((1001, 1)), np.tile(np.radians(motor_deg)[:, None], 3))
     T = link_transforms(hand, q)[:, hand.fingers[2].distal_link]
     (piece,) = hand.link_collision[hand.fingers[2].distal_link]
     vertices = np.einsum("bij,nj->bni", T[:, :3, :3], piece.vertices) + T[:, None, :3, 3]

@@ -32,8 +32,7 @@ def test_the_barrett_hand_is_its_own_image_with_two_fingers_exchanged(rng):
     hand = load_hand()
     mirror = hand_mirror(hand)
     assert_allclose(mirror, np.diag([-1.0, 1.0, 1.0, 1.0]), atol=0.0)
-    spread = [f for f in hand.fingers if f.spread_joint >= 0]
-    alone = [f for f in hand.fingers if f.spread_joint < 0]
+    spread, alone = hand.fingers[:2], hand.fingers[2:]
     assert (len(spread), len(alone)) == (2, 1)
     order = [hand.fingers.index(f) for f in (spread[1], spread[0], alone[0])]
     for _ in range(5):
@@ -43,8 +42,8 @@ def test_the_barrett_hand_is_its_own_image_with_two_fingers_exchanged(rng):
         for k, finger in enumerate((*spread, *alone)):
             for joints, own in ((here, angles[k]), (image, angles[[1, 0, 2][k]])):
                 joints[[finger.inner_joint, finger.distal_joint]] = own
-                if finger.spread_joint >= 0:
-                    joints[finger.spread_joint] = opening
+                if k < 2:
+                    joints[hand.preshape.joints[k]] = opening
         reflected = [corners @ mirror[:3, :3] for corners in finger_corners(hand, here)]
         exchanged = finger_corners(hand, image)
         pairs = zip((*spread, *alone), order, strict=True)

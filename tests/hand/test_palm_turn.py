@@ -92,7 +92,7 @@ def test_grasps_are_the_same_up_to_the_rotation(name, rng, tmp_path) -> None:
     T = np.tile(np.eye(4), (n, 1, 1))
     T[:, :3, :3] = Rotation.random(n, random_state=rng).as_matrix()
     T[:, :3, 3] = -T[:, :3, 2] * rng.uniform(0.09, 0.2, (n, 1))
-    spread = rng.uniform(0.0, hand.spread_upper, n)
+    spread = rng.uniform(0.0, hand.preshape.upper, (n, len(hand.preshape)))
     one = evaluators[0].attempt(T, spread)
     other = evaluators[1].attempt(T @ about_z.T, spread)
     same = one.status == other.status

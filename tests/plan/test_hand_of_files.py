@@ -1,4 +1,4 @@
-"""A hand that is written here, of files alone: four fingers of four links, no spread."""
+"""A hand that is written here, of files alone: four fingers of four links, no pre-shape."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def write_hand(folder: Path) -> Path:
         "palm_friction_links": ["palm"],
         "fingers": [{"name": f, "joints": [f"{f}{k}_joint" for k in range(4)]} for f in CORNERS],
         "drive": {
-            "motor_names": ["none", *CORNERS],
-            "motor_upper_deg": [0.0, *[float(np.degrees(UPPER[0]))] * 4],
-            "full_travel_s": [1.0] * 5,
+            "motor_names": [*CORNERS],
+            "motor_upper_deg": [float(np.degrees(UPPER[0]))] * 4,
+            "full_travel_s": [1.0] * 4,
             "closing_rows": rows,
             "independent": True,
             "breakaway_torque": 0.3,
@@ -69,9 +69,9 @@ def write_hand(folder: Path) -> Path:
             "tip_point_mm": [22.0, 7.0, 0.0],
         },
         "eigengrasps": {
-            "origin": [0.0] * 5,
+            "origin": [0.0] * 4,
             "amplitude_limit": 1.5,
-            "directions": [[0.0, 1.0, 1.0, 1.0, 1.0]],
+            "directions": [[1.0, 1.0, 1.0, 1.0]],
         },
         "desired_contacts": {"palm": [], "links": pads},
     }
@@ -90,8 +90,8 @@ def test_it_is_read_without_a_fault_and_closes_by_its_table(planner):
     hand = planner.hand
     assert faults_of(hand) == []
     assert hand.drive.n_links == 4
-    joints = joints_from_motors(hand, [0.0], np.full((1, 4), 0.6))
-    np.testing.assert_allclose(joints[0, hand.finger_joints], 0.4 * np.tile(UPPER, (4, 1)))
+    joints = joints_from_motors(hand, np.zeros((1, 0)), np.full((1, 4), 0.6))
+    np.testing.assert_allclose(hand.of_fingers(joints[0]), 0.4 * np.tile(UPPER, (4, 1)))
 
 
 def test_it_plans_and_is_tried_in_both_engines(planner, catalogue):

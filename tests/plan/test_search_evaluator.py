@@ -31,7 +31,7 @@ def test_it_counts_what_it_is_given_and_ends_with_the_time(kind: str, over: bool
     T[:, 2, 3] = part.center_of_mass[2] - np.tile(np.linspace(0.06, 0.16, 8), 5)
     with made as (evaluator, tally):
         assert isinstance(evaluator, PostureEvaluator) == (kind == "compiled")
-        found = evaluator.attempt(T, np.full(40, 1.0))
+        found = evaluator.attempt(T, np.full((40, 1), 1.0))
         tried = 16 if over and kind == "compiled" else 40
         assert evaluator.n_attempts == tried
         assert tally.funnel(Step.CLEAR).proposed == tried

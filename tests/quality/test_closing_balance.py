@@ -29,7 +29,7 @@ def tips(hand: HandDescription, joints: np.ndarray) -> np.ndarray:
     poses = link_transforms(hand, joints)[0]
     return np.array(
         [
-            poses[f.distal_link, :3, :3] @ hand.drive.tip_point + poses[f.distal_link, :3, 3]
+            poses[f.distal_link, :3, :3] @ f.tip_point + poses[f.distal_link, :3, 3]
             for f in hand.fingers
         ]
     )
@@ -40,7 +40,7 @@ def closed(hand: HandDescription, inner: float) -> np.ndarray:
     joints = np.zeros(hand.n_joints)
     for finger in hand.fingers:
         joints[finger.inner_joint] = inner
-        joints[finger.distal_joint] = hand.drive.closing_ratio[0, 1] * inner
+        joints[finger.distal_joint] = finger.closing_ratio[0, 1] * inner
     return joints
 
 

@@ -73,10 +73,10 @@ class Scene:
             self._mesh.addTriangle(*triangle)
         self._mesh.endModel()
 
-    def joints(self, spread: float) -> np.ndarray:
-        """The open hand."""
+    def joints(self, preshape: np.ndarray) -> np.ndarray:
+        """The open hand at a pre-shape (S,)."""
         q = np.zeros(self.hand.n_joints)
-        q[[f.spread_joint for f in self.hand.fingers if f.spread_joint >= 0]] = spread
+        q[self.hand.preshape.joints] = preshape @ self.hand.preshape.gain
         return q
 
     def palms(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -90,10 +90,10 @@ class Scene:
         return transform(R, places + self.face_height * normals), normals
 
     def cleared(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Free palms at various distances, and spreads."""
+        """Free palms at various distances, and pre-shapes (n, S)."""
         T, normals = self.palms(n, rng)
-        spread = rng.choice([0.0, 0.3, 0.8, np.pi / 2, 2.4, np.pi], n)
-        spread = np.minimum(spread, self.hand.spread_upper)
+        spread = rng.choice([0.0, 0.3, 0.8, np.pi / 2, 2.4, np.pi], (n, len(self.hand.preshape)))
+        spread = np.minimum(spread, self.hand.preshape.upper)
         standoff = rng.uniform(0.0, 0.08, n) * (rng.random(n) < 0.6)
         T, free = self.evaluator.clear_palm(T, normals, spread, standoff)
         return T[free], spread[free]

@@ -29,7 +29,7 @@ def attempts(mesh_id: str) -> Attempts:
     evaluator = CompiledEvaluator(hand, part, Friction(0.6, 0.4), SceneSettings(field_cells=40))
     rng = np.random.default_rng(11)
     space = PalmSearchSpace(part.mesh.bounds, 0.06)
-    T, spread = space.poses(space.domain.sample(60, rng)), rng.uniform(0.0, 3.0, 60)
+    T, spread = space.poses(space.domain.sample(60, rng)), rng.uniform(0.0, 3.0, (60, 1))
     T[:, :3, 3] = 0.3 * T[:, :3, 3] - 0.08 * T[:, :3, 2]
     T, _ = evaluator.clear_palm(T, -T[:, :3, 2], spread, np.zeros(60))
     return evaluator.attempt(T, spread)

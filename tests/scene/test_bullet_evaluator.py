@@ -31,7 +31,7 @@ def poses_around(part: Part, n: int, rng: np.random.Generator) -> tuple[np.ndarr
     R = Rotation.random(n, rng=rng).as_matrix()
     face = 0.079
     at = part.center_of_mass - face * R[:, :, 2] + rng.normal(scale=0.01, size=(n, 3))
-    return transform(R, at), rng.uniform(0.0, np.pi, n)
+    return transform(R, at), rng.uniform(0.0, np.pi, (n, 1))
 
 
 def grasp_of(attempts: Attempts, row: int) -> Grasp:
@@ -87,7 +87,7 @@ def test_a_mug_keeps_its_inside_and_its_handle(rng: np.random.Generator) -> None
     R = Rotation.random(n, rng=rng).as_matrix()
     towards = np.where(rng.random(n)[:, None] < 0.5, [[0.06, 0.0, 0.0]], [[-0.03, 0.0, 0.05]])
     T = transform(R, towards - rng.uniform(0.09, 0.15, (n, 1)) * R[:, :, 2])
-    spread = rng.uniform(0.0, np.pi, n)
+    spread = rng.uniform(0.0, np.pi, (n, 1))
     attempts = compiled.attempt(T, spread)
     wall = part.mesh.bounds[1, 1]  # outer radius, the handle stands out along x
     inside, handle = [], []

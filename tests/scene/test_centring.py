@@ -48,7 +48,7 @@ def test_the_palm_moves_to_where_both_jaws_touch(evaluator, rng):
     aside = rng.uniform(-0.025, 0.025, 30)
     T = palms(aside)
     asked = T.copy()
-    found = evaluator.attempt(T, np.zeros(30))
+    found = evaluator.attempt(T, np.zeros((30, 0)))
     np.testing.assert_array_equal(T, asked)  # the caller's poses are not touched
     assert (found.status == AttemptStatus.GRASPED).all()
     np.testing.assert_allclose(found.T_object_palm[:, 1, 3], 0.0, atol=1e-4)
@@ -72,8 +72,8 @@ def test_the_palm_moves_to_where_both_jaws_touch(evaluator, rng):
 
 
 def test_a_second_closing_changes_nothing_and_the_quality_is_exact(evaluator):
-    first = evaluator.attempt(palms(np.array([0.013])), np.zeros(1))
-    again = evaluator.attempt(first.T_object_palm, np.zeros(1))
+    first = evaluator.attempt(palms(np.array([0.013])), np.zeros((1, 0)))
+    again = evaluator.attempt(first.T_object_palm, np.zeros((1, 0)))
     np.testing.assert_allclose(again.T_object_palm, first.T_object_palm, atol=1e-5)
     exact = grasp_quality(first.contacts(0), BOX.center_of_mass, BOX.max_radius)
     assert exact.epsilon > 0.01
@@ -83,12 +83,12 @@ def test_a_second_closing_changes_nothing_and_the_quality_is_exact(evaluator):
 def test_a_part_that_is_too_wide_or_not_between_the_jaws(evaluator):
     wide = solid(trimesh.creation.box((0.05, 0.09, 0.04)))
     blocked = CompiledEvaluator(HAND, wide, FRICTION, SETTINGS).attempt(
-        palms(np.zeros(1)), np.zeros(1)
+        palms(np.zeros(1)), np.zeros((1, 0))
     )
     assert blocked.status[0] == AttemptStatus.PALM_COLLISION
     T = palms(np.zeros(1))
     T[0, 0, 3] += 0.1
-    assert evaluator.attempt(T, np.zeros(1)).status[0] == AttemptStatus.TOO_FEW_CONTACTS
+    assert evaluator.attempt(T, np.zeros((1, 0))).status[0] == AttemptStatus.TOO_FEW_CONTACTS
 
 
 def test_where_the_palm_cannot_go_there_is_no_grasp():
@@ -97,7 +97,7 @@ def test_where_the_palm_cannot_go_there_is_no_grasp():
     part = solid(trimesh.util.concatenate([trimesh.creation.box((0.05, 0.03, 0.04)), wall]))
     evaluator = CompiledEvaluator(HAND, part, FRICTION, SETTINGS)
     asked = palms(np.array([-0.02, 0.0]))
-    found = evaluator.attempt(asked, np.zeros(2))
+    found = evaluator.attempt(asked, np.zeros((2, 0)))
     assert (found.status == AttemptStatus.PALM_COLLISION).all()
 
 
@@ -107,9 +107,9 @@ def test_agrees_with_pybullet(evaluator, rng):
         [rng.uniform(-0.02, 0.02, 12), rng.uniform(-0.02, 0.02, 12), PAD_MIDDLE + np.zeros(12)], 1
     )
     T = inverse(transform(R, at))
-    expected = evaluator.attempt(T, np.zeros(12))
+    expected = evaluator.attempt(T, np.zeros((12, 0)))
     with BulletEvaluator(HAND, BOX, FRICTION, SETTINGS) as bullet:
-        found = bullet.attempt(T, np.zeros(12))
+        found = bullet.attempt(T, np.zeros((12, 0)))
     np.testing.assert_array_equal(found.status, expected.status)
     np.testing.assert_allclose(found.T_object_palm, expected.T_object_palm, atol=1e-4)
     np.testing.assert_allclose(found.joints, expected.joints, atol=1e-4)

@@ -64,14 +64,14 @@ def test_coupling_before_and_after_the_breakaway(scene, name, rng):
 
 def test_spread_is_kept_and_equal_on_both_fingers(scene, rng):
     a = closed(scene("cylinder"), 30, rng)
-    np.testing.assert_array_equal(a.joints[:, 0], a.spread)
-    np.testing.assert_array_equal(a.joints[:, 1], a.spread)
+    np.testing.assert_array_equal(a.joints[:, 0], a.preshape[:, 0])
+    np.testing.assert_array_equal(a.joints[:, 1], a.preshape[:, 0])
 
 
 def test_fingers_without_an_object_close_to_their_end_but_not_into_the_hand(scene):
     s = scene("marble")
     T = np.tile(transform(np.eye(3), [0.0, 0.0, 5.0]), (9, 1, 1))
-    spread = np.linspace(0.0, np.pi, 9)
+    spread = np.linspace(0.0, np.pi, 9)[:, None]
     a = s.evaluator.attempt(T, spread)
     assert (a.status == AttemptStatus.TOO_FEW_CONTACTS).all()
     assert (a.n_contacts == 0).all()
@@ -95,7 +95,7 @@ def test_symmetric_grasp_closes_symmetrically(scene):
     R = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # palm x along its axis
     for height in (0.105, 0.12, 0.135):
         T = transform(R, -height * R[:, 2])[None]
-        a = s.evaluator.attempt(T, np.zeros(1))
+        a = s.evaluator.attempt(T, np.zeros((1, 1)))
         assert a.status[0] == AttemptStatus.GRASPED
         first, second = s.hand.fingers[0], s.hand.fingers[1]
         q = a.joints[0]
@@ -107,6 +107,6 @@ def test_symmetric_grasp_closes_symmetrically(scene):
 def test_a_larger_ball_stops_the_fingers_earlier(scene):
     T = transform(np.eye(3), [0.0, 0.0, -0.13])[None]
     small, large = scene("marble"), scene("ball")
-    a, b = (s.evaluator.attempt(T, np.zeros(1)).joints[0] for s in (small, large))
+    a, b = (s.evaluator.attempt(T, np.zeros((1, 1))).joints[0] for s in (small, large))
     joint = large.hand.fingers[2].inner_joint
     assert b[joint] < a[joint]

@@ -37,7 +37,7 @@ def test_a_joint_goes_on_only_where_those_before_it_are_held(scene, name, hand, 
             q = a.joints[row][list(finger.joints)]
             upper = s.hand.joint_upper[list(finger.joints)]
             near = gaps[list(finger.links)] <= 4.0 * gap + TOLERANCE
-            moved = np.flatnonzero(row_ways(q, s.hand.drive.closing_ratio) > 1e-9)
+            moved = np.flatnonzero(row_ways(q, s.hand.fingers[0].closing_ratio) > 1e-9)
             last = int(moved[-1]) if len(moved) else 0
             for k in range(last):
                 at_stop = stops and q[k] >= upper[k] - 1e-9
@@ -57,7 +57,7 @@ def test_a_joint_goes_on_only_where_those_before_it_are_held(scene, name, hand, 
 def test_without_an_object_all_links_come_to_their_ends_or_to_the_hand(scene, hand):
     s = scene("marble", hand)
     T = np.tile(transform(np.eye(3), [0.0, 0.0, 5.0]), (5, 1, 1))
-    spread = np.linspace(0.0, s.hand.spread_upper, 5)
+    spread = np.linspace(s.hand.preshape.lower, s.hand.preshape.upper, 5)
     a = s.evaluator.attempt(T, spread)
     assert (a.status == AttemptStatus.TOO_FEW_CONTACTS).all()
     # on the way of the drive, whatever was opened again to let others pass
@@ -75,8 +75,8 @@ def test_closing_from_beyond_a_stop_ends_in_the_same_hand(scene, name, rng):
     T, spread = s.cleared(60, rng)
     a = s.evaluator.attempt(T, spread)
     rows = np.flatnonzero(a.status == AttemptStatus.GRASPED)
-    q = a.joints[rows][:, s.hand.finger_joints]
-    upper = s.hand.joint_upper[s.hand.finger_joints]
+    q = s.hand.of_fingers(a.joints[rows])
+    upper = s.hand.of_fingers(s.hand.joint_upper)
     at_stop = q[..., 0] >= upper[:, 0] - 1e-9
     # a little before the first contact where that is in the first or the second row
     motors = np.where(at_stop, upper[:, 0] + 0.5 * q[..., 1], np.maximum(q[..., 0] - 0.1, 0.0))

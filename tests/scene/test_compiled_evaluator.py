@@ -44,7 +44,7 @@ def attempts_with(
     evaluator = CompiledEvaluator(hand, part, Friction(0.6, 0.4), settings, ended=clock)
     rng = np.random.default_rng(3)
     space = PalmSearchSpace(part.mesh.bounds, 0.06)
-    T, spread = space.poses(space.domain.sample(N, rng)), np.zeros(N)
+    T, spread = space.poses(space.domain.sample(N, rng)), np.zeros((N, 1))
     T[:, :3, 3] = 0.3 * T[:, :3, 3] - 0.08 * T[:, :3, 2]
     T, _ = evaluator.clear_palm(T, -T[:, :3, 2], spread, np.zeros(N))
     if from_postures:

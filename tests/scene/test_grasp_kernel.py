@@ -62,7 +62,7 @@ def test_far_away_and_inside_have_their_codes(scene):
     s = scene("box")
     far = transform(np.eye(3), [0.0, 0.0, 3.0])
     inside = transform(np.eye(3), [0.0, 0.0, -0.05])
-    a = s.evaluator.attempt(np.stack([far, inside]), np.zeros(2))
+    a = s.evaluator.attempt(np.stack([far, inside]), np.zeros((2, 1)))
     assert list(a.status) == [AttemptStatus.TOO_FEW_CONTACTS, AttemptStatus.PALM_COLLISION]
     np.testing.assert_array_equal(a.epsilon, -1.0)
     np.testing.assert_array_equal(a.objective(EpsilonVolume(1.0)), 0.0)
@@ -115,18 +115,18 @@ def test_inputs_stay_untouched_and_attempts_are_counted(scene, rng):
     s = scene("ball")
     T, normals = s.palms(5, rng)
     before, start = T.copy(), s.evaluator.n_attempts
-    s.evaluator.clear_palm(T, normals, np.zeros(5), np.zeros(5))
-    s.evaluator.attempt(T, np.zeros(5))
+    s.evaluator.clear_palm(T, normals, np.zeros((5, 1)), np.zeros(5))
+    s.evaluator.attempt(T, np.zeros((5, 1)))
     np.testing.assert_array_equal(T, before)
     assert s.evaluator.n_attempts == start + 5
 
 
 def test_an_empty_batch_is_answered_by_an_empty_batch(scene):
     s = scene("ball")
-    a = s.evaluator.attempt(np.zeros((0, 4, 4)), np.zeros(0))
+    a = s.evaluator.attempt(np.zeros((0, 4, 4)), np.zeros((0, 1)))
     assert len(a) == 0
     T, free = s.evaluator.clear_palm(
-        np.zeros((0, 4, 4)), np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+        np.zeros((0, 4, 4)), np.zeros((0, 3)), np.zeros((0, 1)), np.zeros(0)
     )
     assert len(T) == len(free) == 0
 

@@ -21,7 +21,7 @@ def postures(scene, rng):
         motors = motors_for(len(T), rng)
         # the spread decides whether the open hand is free: take those that are
         free = np.array(
-            [s.gaps(P, s.joints(m[0])).min() > TOLERANCE for P, m in zip(T, motors, strict=True)]
+            [s.gaps(P, s.joints(m[:1])).min() > TOLERANCE for P, m in zip(T, motors, strict=True)]
         )
         T, motors = T[free], motors[free]
         assert len(T) > 5
@@ -33,10 +33,10 @@ def postures(scene, rng):
 @pytest.mark.parametrize("name", ["mug", "box", "rod"])
 def test_joints_follow_the_drive_with_the_inner_links_stops(postures, name):
     s, _, motors, p = postures(name)
-    inner = p.joints[:, s.hand.finger_joints[:, :1]]
+    inner = s.hand.of_fingers(p.joints)[..., :1]
     stop = np.where(p.inner_touches, inner, np.inf)
     np.testing.assert_allclose(
-        p.joints, joints_from_motors(s.hand, motors[:, 0], motors[:, 1:], stop), atol=1e-9
+        p.joints, joints_from_motors(s.hand, motors[:, :1], motors[:, 1:], stop), atol=1e-9
     )
     assert p.inner_touches.any()
     assert not p.inner_touches.all()
@@ -76,5 +76,5 @@ def test_far_from_the_object_the_coupling_alone_decides(scene, rng):
     p = s.evaluator.postures(T, motors)
     assert not p.inner_touches.any()
     np.testing.assert_allclose(
-        p.joints, joints_from_motors(s.hand, motors[:, 0], motors[:, 1:]), atol=1e-12
+        p.joints, joints_from_motors(s.hand, motors[:, :1], motors[:, 1:]), atol=1e-12
     )

@@ -24,7 +24,7 @@ def test_free_hands_are_free_and_touch_where_they_were_moved(scene, name, rng):
     s = scene(name)
     n = 60
     T, normals = s.palms(n, rng)
-    spread = rng.uniform(0.0, np.pi, n)
+    spread = rng.uniform(0.0, np.pi, (n, 1))
     moved, free = clear(s, T, normals, spread)
     step = np.einsum("ij,ij->i", moved[:, :3, 3] - T[:, :3, 3], normals)
     np.testing.assert_allclose(
@@ -51,7 +51,7 @@ def test_the_rung_before_is_in_collision(scene, rng):
     """What was skipped or passed over was not free: the first free rung is taken."""
     s = scene("mug")
     T, normals = s.palms(40, rng)
-    spread = rng.uniform(0.0, np.pi, 40)
+    spread = rng.uniform(0.0, np.pi, (40, 1))
     moved, free = clear(s, T, normals, spread)
     step = np.einsum("ij,ij->i", moved[:, :3, 3] - T[:, :3, 3], normals)
     unturned = np.abs(moved[:, :3, :3] - T[:, :3, :3]).max(axis=(1, 2)) < 1e-12
@@ -69,7 +69,7 @@ def test_a_free_palm_stays_and_standoff_goes_back_from_it(scene, rng):
     s = scene("ball")
     T, normals = s.palms(20, rng)
     T[:, :3, 3] += 0.03 * normals
-    spread = rng.uniform(0.0, np.pi, 20)
+    spread = rng.uniform(0.0, np.pi, (20, 1))
     stays, free = clear(s, T, normals, spread)
     assert free.sum() > 10
     np.testing.assert_array_equal(stays[free], T[free])
@@ -80,7 +80,7 @@ def test_a_free_palm_stays_and_standoff_goes_back_from_it(scene, rng):
 def test_turned_hands_turn_about_their_own_axis_by_whole_steps(scene, rng):
     s = scene("flask")
     T, normals = s.palms(150, rng)
-    spread = rng.uniform(0.0, np.pi, 150)
+    spread = rng.uniform(0.0, np.pi, (150, 1))
     short = CompiledEvaluator(
         s.hand, s.part, s.evaluator.friction, replace(s.settings, lambda_max_m=0.02)
     )
@@ -102,12 +102,12 @@ def test_small_objects_within_a_link_are_found(scene, rng):
     s = scene("marble")
     for height in (0.0793, 0.07, 0.03):
         T = transform(np.eye(3), [0.0, 0.0, -height])[None]
-        assert s.evaluator.attempt(T, np.zeros(1)).status[0] == AttemptStatus.PALM_COLLISION
+        assert s.evaluator.attempt(T, np.zeros((1, 1))).status[0] == AttemptStatus.PALM_COLLISION
     for row in range(60):
         T = transform(np.eye(3), [*rng.uniform(-0.07, 0.07, 2), rng.uniform(-0.12, -0.02)])
-        gap = s.gaps(T, s.joints(0.0)).min()
+        gap = s.gaps(T, s.joints(np.zeros(1))).min()
         if abs(gap) > TOLERANCE:
-            status = s.evaluator.attempt(T[None], np.zeros(1)).status[0]
+            status = s.evaluator.attempt(T[None], np.zeros((1, 1))).status[0]
             assert (status == AttemptStatus.PALM_COLLISION) == (gap < 0.0), row
 
 
@@ -118,7 +118,7 @@ def test_a_wall_behind_the_hand_is_no_way_back(scene, rng):
         rng.uniform(0.0, 2.0 * np.pi, (n, 1)) * np.array([0.0, 0.0, 1.0])
     ).as_matrix()
     T = transform(yaw, np.column_stack([rng.uniform(-0.01, 0.01, (n, 2)), np.full(n, -0.1203)]))
-    spread = rng.uniform(0.0, 1.0, n)
+    spread = rng.uniform(0.0, 1.0, (n, 1))
     rough = Friction(1.0, 1.0)
     status, epsilon = {}, {}
     for retreat in (0.0, 0.02, 0.1):

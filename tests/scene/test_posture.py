@@ -120,7 +120,7 @@ def test_fingers_that_meet_are_found(scene, rng):
     T = np.eye(4)
     met = 0
     for _ in range(60):
-        q = s.joints(rng.uniform(0.0, np.pi))
+        q = s.joints(rng.uniform(0.0, np.pi, 1))
         for finger in s.hand.fingers:
             q[finger.inner_joint] = rng.uniform(0.8, 2.44)
             q[finger.distal_joint] = min(q[finger.inner_joint] / 3.0, 0.83)

@@ -41,17 +41,17 @@ def make_optimiser(make_context, sphere):
 def hand_made(make_optimiser, planner):
     """A three-finger grasp with fingertips about the equator: (joints, scaled motors)."""
     _, context = make_optimiser()
-    grasp = context.evaluator.attempt(palm_above()[None], np.array([np.pi / 3]))
+    grasp = context.evaluator.attempt(palm_above()[None], np.array([[np.pi / 3]]))
     assert grasp.status[0] == AttemptStatus.GRASPED
-    spread, fingers = motors_from_joints(planner.hand, grasp.joints[0])
-    return grasp, np.concatenate([spread, fingers[0]]) / UPPER
+    [spread], [fingers] = motors_from_joints(planner.hand, grasp.joints[0])
+    return grasp, np.concatenate([spread, fingers]) / UPPER
 
 
 @pytest.fixture
 def poor(make_optimiser):
     """Joints of a grasp at the same palm that a smaller spread would improve."""
     _, context = make_optimiser()
-    grasp = context.evaluator.attempt(palm_above()[None], np.array([np.pi / 2]))
+    grasp = context.evaluator.attempt(palm_above()[None], np.array([[np.pi / 2]]))
     assert 0.0 < grasp.epsilon[0] < 0.2
     return grasp.joints[0]
 
@@ -169,7 +169,7 @@ def results(make_context, sphere):
     """Two seeds of the default ADMM from the hand-made grasp: (results, context, optimiser)."""
     context = make_context(sphere, seed=2)
     optimiser = ContactPointOptimiser(context)
-    start = context.evaluator.attempt(palm_above()[None], np.array([np.pi / 2]))
+    start = context.evaluator.attempt(palm_above()[None], np.array([[np.pi / 2]]))
     return optimiser.optimise(palm_above(), start.joints[0]), context, optimiser
 
 
@@ -199,7 +199,7 @@ def test_the_answer_is_the_consensus_in_radians(results):
         assert_allclose(result.motors, result.admm.z * UPPER, atol=1e-12)
         worst = optimiser.violations(result.T_object_palm, result.admm.z[None]).max()
         assert result.violation_m == worst
-        assert result.realised.spread.tolist() == [result.motors[0]]
+        assert result.realised.preshape.tolist() == [[result.motors[0]]]
         assert_allclose(result.realised.T_object_palm[0], result.T_object_palm, atol=0.0)
 
 
@@ -253,7 +253,7 @@ def test_a_poor_spread_gets_better(make_optimiser, poor):
     better = 0
     for seed in range(3):
         optimiser, context = make_optimiser(volume_weight=0.5, seed=seed)
-        first = context.evaluator.attempt(palm_above()[None], poor[:1]).epsilon[0]
+        first = context.evaluator.attempt(palm_above()[None], poor[None, :1]).epsilon[0]
         found = optimiser.optimise(palm_above(), poor)
         better += max(r.realised.epsilon[0] for r in found) > 1.1 * first
         for result in found:

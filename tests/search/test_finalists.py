@@ -73,10 +73,10 @@ def test_the_grasp_is_the_candidate(context, planner):
     assert_allclose(grasp.joints, attempts.joints[i], atol=0.0)
     assert_allclose(grasp.approach_direction, grasp.T_object_palm[:3, 2], atol=0.0)
     assert grasp.approach_distance == context.settings.scene.retreat_m
-    spreads = {f.spread_joint for f in planner.hand.fingers} - {-1}
+    spreads = set(planner.hand.preshape.joints)
     for joint, angle in enumerate(grasp.pregrasp_joints):
-        assert angle == (attempts.spread[i] if joint in spreads else 0.0)
-    assert_allclose(grasp.joints[sorted(spreads)], attempts.spread[i], atol=1e-12)
+        assert angle == (attempts.preshape[i, 0] if joint in spreads else 0.0)
+    assert_allclose(grasp.joints[sorted(spreads)], attempts.preshape[i, 0], atol=1e-12)
     assert len(grasp.contacts) == attempts.n_contacts[i]
 
 

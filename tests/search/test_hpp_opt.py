@@ -80,7 +80,7 @@ def test_the_best_seed_is_told_at_the_pose_where_it_was_found(
             T[:3, 3] += face_height * T[:3, 2]
             assert_allclose(proposals.T_object_face[k], T, atol=1e-15)
         if best >= 0 and posture:
-            found = [attempts.spread[best], adapted[0].standoff[best]]
+            found = [*attempts.preshape[best], adapted[0].standoff[best]]
             assert_allclose(proposals.posture[k], found, atol=0.0)
     assert np.any(proposals.values > 0.05)
     [(X, y, features)] = optimiser.told
@@ -128,7 +128,7 @@ def test_a_proposal_without_a_free_hand_is_told_as_zero_where_it_was_proposed(
 def test_every_attempt_goes_into_the_archive(
     fake_optimiser, make_context, sphere, recording_evaluator
 ):
-    evaluator = recording_evaluator(figures=lambda T, spread: 0.01 + 0.001 * spread)
+    evaluator = recording_evaluator(figures=lambda T, spread: 0.01 + 0.001 * spread[:, 0])
     context = make_context(sphere, settings=settings_of(batch=3), evaluator=evaluator)
     search = PalmPoseOptimiser(context)
     search.step()

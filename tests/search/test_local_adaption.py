@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.search.local_adaption import LocalAdaption, palm_against
 from gpis_grasp_planner.search.settings import AdaptionSettings
@@ -188,7 +189,9 @@ def test_a_place_without_a_chart_is_passed_over(
     index, _ = context.atlas.nearest(proposals[:, :3, 3])
     atlas = NoCharts(context.atlas, set(index[:n_flat].tolist()))
     settings = AdaptionSettings(n_seed=3)
-    adaption = LocalAdaption(evaluator, atlas, context.T_palm_face, context.max_radius, settings)
+    adaption = LocalAdaption(
+        evaluator, atlas, context.T_palm_face, context.max_radius, settings, context.preshapes
+    )
     adapted = adaption(proposals, rng)
     assert np.array_equal(adapted.proposal, np.repeat(np.arange(n_flat, N_PROPOSALS), 3))
 
@@ -214,17 +217,13 @@ def cleared(sphere, make_context, proposals, planner):
     height = context.T_palm_face[2, 3]
     # From inside the ball: the palm's face 2 cm below the surface.
     T = transform(R, centers + (height - 0.02) * normals)
-    spread = np.linspace(0.0, np.pi, N_PROPOSALS)
+    spread = np.linspace(0.0, np.pi, N_PROPOSALS)[:, None]
     moved, free = context.evaluator.clear_palm(T, normals, spread, np.zeros(N_PROPOSALS))
     return context, T, normals, spread, moved, free
 
 
 def opened(planner, spread):
-    joints = np.zeros(planner.hand.n_joints)
-    for finger in planner.hand.fingers:
-        if finger.spread_joint >= 0:
-            joints[finger.spread_joint] = spread
-    return joints
+    return open_postures(planner.hand, spread[None])[0]
 
 
 def test_the_ladder_moves_along_the_normal_only(cleared):
@@ -283,7 +282,7 @@ def test_lambda_keeps_its_limit_and_the_hand_turns_instead(oracle, make_context,
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     R = palm_against(Rotation.random(n, rng=rng).as_matrix(), normals)
     T = transform(R, rng.uniform(-0.07, 0.07, (n, 3)) * [1.0, 1.0, 3.5])
-    moved, free = context.evaluator.clear_palm(T, normals, np.full(n, 0.5), np.zeros(n))
+    moved, free = context.evaluator.clear_palm(T, normals, np.full((n, 1), 0.5), np.zeros(n))
     level = np.einsum("ni,ni->n", moved[:, :3, 3] - T[:, :3, 3], normals)
     step = settings.scene.lambda_step_m
     assert np.all(level < 0.05 + step)

@@ -196,7 +196,7 @@ def test_latin_hypercube_fills_every_coordinate_evenly(space, rng):
 
 
 def test_spread_and_standoff_may_follow_the_palm(space, rng):
-    eight = PalmSearchSpace(BOUNDS, CLEARANCE, posture_upper=[np.pi, 0.09])
+    eight = PalmSearchSpace(BOUNDS, CLEARANCE, posture_bounds=[[0.0, 0.0], [np.pi, 0.09]])
     X = eight.domain.sample(200, rng)
     assert_allclose(eight.domain.upper[6:], [np.pi, 0.09])
     assert X.shape == (200, 8)

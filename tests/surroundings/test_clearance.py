@@ -37,7 +37,7 @@ NONE = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dty
 def random_hands(hand, n, rng):
     """Hands somewhere within 0.3 m that close from open by the drive's law, with breakaway."""
     T = transform(Rotation.random(n, rng=rng).as_matrix(), rng.uniform(-0.3, 0.3, (n, 3)))
-    spread = rng.uniform(0.0, np.pi, n)
+    spread = rng.uniform(0.0, np.pi, (n, 1))
     inner = rng.uniform(0.2, 2.0, (n, 3))
     motor = inner + rng.uniform(0.0, 0.4, (n, 3)) * (rng.random((n, 3)) < 0.5)
     opened = joints_from_motors(hand, spread, np.zeros((n, 3)))
@@ -142,12 +142,14 @@ def test_the_bow_covers_the_arc_between_samples(planner):
     assert motions.bow.max() < 4e-4
     for k, grasp in enumerate(grasps):
         _, end = motors_from_joints(hand, grasp.joints)
-        held = grasp.joints[hand.finger_joints[:, :1]]
+        held = hand.of_fingers(grasp.joints)[:, :1]
         for index, finger in enumerate(hand.fingers):
             m = np.linspace(0.0, end[0, index], 1000)
             motor = np.zeros((1000, 3))
             motor[:, index] = m
-            joints = joints_from_motors(hand, np.full(1000, grasp.joints[0]), motor, held[None])
+            joints = joints_from_motors(
+                hand, np.full((1000, 1), grasp.joints[0]), motor, held[None]
+            )
             dense = grasp.T_object_palm @ link_transforms(hand, joints)[:, finger.distal_link]
             coarse = motions.T[k, :, finger.distal_link]
             vertices = hand.link_collision[finger.distal_link][0].vertices[::9]

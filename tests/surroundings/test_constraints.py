@@ -39,7 +39,7 @@ REGION = ForbiddenRegion(BOX.pose, BOX.size, "thread", MARGIN)
 def random_hands(hand, n, rng):
     """Palms about the origin, starts and ends of closings: (B, 4, 4), (B, J), (B, J)."""
     T = transform(Rotation.random(n, rng=rng).as_matrix(), rng.uniform(-0.2, 0.2, (n, 3)))
-    spread = rng.uniform(0.0, np.pi, n)
+    spread = rng.uniform(0.0, np.pi, (n, 1))
     start = rng.uniform(0.0, 1.5, (n, len(hand.fingers)))
     end = np.minimum(start + rng.uniform(0.0, 1.2, start.shape), 2.4)
     return T, joints_from_motors(hand, spread, start), joints_from_motors(hand, spread, end)

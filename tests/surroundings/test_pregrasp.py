@@ -97,7 +97,7 @@ def test_the_arrival_is_the_way_over_the_speed(planner, grasps):
     ]
     _, ends = motors_from_joints(hand, grasp.joints)
     ways = np.minimum(stops, ends[0])[touching]
-    expected = np.ptp(ways) / hand.drive.motor_speed[1]
+    expected = np.ptp(ways) / hand.drive.motor_speed[0]
     opened = replace(grasp, pregrasp_joints=np.zeros(hand.n_joints))
     assert arrival_spread_s(hand, opened) == pytest.approx(expected)
 

@@ -12,6 +12,7 @@ from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.transforms import inverse, transform
 from gpis_grasp_planner.grasp.grasp import Grasp
+from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
@@ -48,16 +49,12 @@ def grasp_at(part: Part, hand: HandDescription, center_palm: np.ndarray, spread:
     """The grasp that AutoGrasp makes of a part whose frame is parallel to the palm's."""
     T = inverse(transform(np.eye(3), center_palm))
     closed = CompiledEvaluator(hand, part, Friction(0.6, 0.6), SceneSettings()).attempt(
-        T[None], np.array([spread])
+        T[None], np.array([[spread]])
     )
-    pregrasp = np.zeros(hand.n_joints)
-    for finger in hand.fingers:
-        if finger.spread_joint >= 0:
-            pregrasp[finger.spread_joint] = spread
     return Grasp(
         T_object_palm=T,
         joints=closed.joints[0],
-        pregrasp_joints=pregrasp,
+        pregrasp_joints=open_postures(hand, np.array([[spread]]))[0],
         contacts=closed.contacts(0),
         quality=closed.quality(0),
         approach_direction=T[:3, 2],

@@ -21,7 +21,7 @@ def test_a_box_between_three_fingers_and_the_thumb_holds(engine, make_box) -> No
     part = make_box(0.06, 0.09, 0.04)
     grasp = closed_on(HAND, part, [0.0, 0.0, 0.11])
     [verdict] = verify(part, HAND, [grasp], VerificationSettings(engine=engine))
-    print(np.degrees(grasp.joints[HAND.finger_joints]).round(1), verdict)
+    print(np.degrees(HAND.of_fingers(grasp.joints)).round(1), verdict)
     assert verdict.held, verdict.cause
     assert verdict.largest_slip_mm < 5.0
     assert len(verdict.touching) >= 4

@@ -51,7 +51,7 @@ def test_a_box_is_held_as_it_was_planned(engine, height, links, make_box) -> Non
     """One finger against two: the gears of the one hold what the others press with."""
     part = make_box(0.07, 0.05, 0.04)
     grasp = closed_on(HAND, part, np.array([0.0, 0.0, height]))
-    q = grasp.joints[HAND.finger_joints]
+    q = HAND.of_fingers(grasp.joints)
     assert ((q > 0.1).sum(axis=1) == links).all()
     [verdict] = verify(part, HAND, [grasp], VerificationSettings(engine=engine))
     print(np.degrees(q).round(1), verdict)

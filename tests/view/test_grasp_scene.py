@@ -63,7 +63,7 @@ def test_the_motion_begins_open_closes_by_the_drive_and_lifts_away_from_the_tabl
         closing = np.array([f.joints for f in frames if f.phase == "closing"])
         np.testing.assert_array_equal(closing[-1], grasp.joints)
         assert reachable(scene.hand, closing).all()
-        fingers = closing[:, scene.hand.finger_joints.ravel()]
+        fingers = scene.hand.of_fingers(closing).reshape(len(closing), -1)
         assert (np.diff(fingers, axis=0) > -1e-9).all()  # nothing opens while it closes
         carried = last.T_object_part
         assert carried[:3, 3] @ [0.0, 0.0, 1.0] == pytest.approx(0.1)

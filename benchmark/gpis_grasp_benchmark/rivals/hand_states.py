@@ -61,11 +61,10 @@ class HandStates:
         self._center = np.asarray(context.part.center_of_mass, dtype=float)
         self._T_face_palm = inverse(context.T_palm_face)
         self._hand = hand
-        self._joints_of_motors = np.zeros((len(hand.drive.motor_names), hand.n_joints))
-        for motor, finger in enumerate(hand.fingers, start=1):
-            if finger.spread_joint >= 0:
-                self._joints_of_motors[0, finger.spread_joint] = finger.spread_gain
-            self._joints_of_motors[motor, list(finger.joints)] = hand.drive.closing_ratio[0]
+        self._joints_of_motors = np.zeros((len(hand.motor_upper), hand.n_joints))
+        self._joints_of_motors[: len(hand.preshape), hand.preshape.joints] = hand.preshape.gain
+        for motor, finger in enumerate(hand.fingers, start=len(hand.preshape)):
+            self._joints_of_motors[motor, list(finger.joints)] = finger.closing_ratio[0]
 
     def faces(self, states: Array) -> Array:
         """Poses T_object_face (B, 4, 4) of the palm's face."""
@@ -84,9 +83,9 @@ class HandStates:
 
     def motors(self, states: Array) -> Array:
         """Motor angles (B, n_motors) [rad]: origin + amplitudes @ directions, within limits."""
-        grasps, drive = self._hand.eigengrasps, self._hand.drive
+        grasps = self._hand.eigengrasps
         motors = grasps.origin + states[:, N_POSE:] @ grasps.directions
-        return np.asarray(np.clip(motors, drive.motor_lower, drive.motor_upper))
+        return np.asarray(np.clip(motors, self._hand.motor_lower, self._hand.motor_upper))
 
     def hands(self, states: Array) -> tuple[Array, Array]:
         """Palm poses T_object_palm (B, 4, 4) and joints (B, J) [rad] of states (B, dim)."""

@@ -54,8 +54,8 @@ def test_a_pinch_is_a_posture_with_its_places(hand, places_of, rng):
             if np.isclose(place[:3], table.points[row][0]).all() and _is_palm(hand, place):
                 continue
             assert np.abs(there - place).max(axis=1).min() < 1e-9
-        spreading = [f.spread_joint for f in hand.fingers if f.spread_joint >= 0]
-        assert_allclose(table.joints[row][spreading], table.spread[row])
+        of_shape = table.preshape[row] @ hand.preshape.gain
+        assert_allclose(table.joints[row][hand.preshape.joints], of_shape)
 
 
 def _is_palm(hand, place):
@@ -83,14 +83,14 @@ def test_the_sides_of_a_pinch_face_each_other(hand):
 def test_pinches_are_within_the_hands_travel(hand):
     for table in (pinches(hand, SPREAD_MAX), triads(hand, SPREAD_MAX)):
         assert reachable(hand, table.joints).all()
-        assert table.spread.max() <= SPREAD_MAX
+        assert table.preshape.max() <= SPREAD_MAX
     narrow = pinches(hand, 0.5)
-    assert narrow.spread.max() <= 0.5
+    assert narrow.preshape.max() <= 0.5
 
 
 def test_a_triad_has_its_fingers_places(hand, places_of, rng):
     table = triads(hand, SPREAD_MAX)
-    for row in rng.choice(len(table.spread), 100, replace=False):
+    for row in rng.choice(len(table.preshape), 100, replace=False):
         there = places_of(table.joints[row])
         for place in np.hstack([table.points[row], table.normals[row]]):
             assert np.abs(there - place).max(axis=1).min() < 1e-9
@@ -98,7 +98,7 @@ def test_a_triad_has_its_fingers_places(hand, places_of, rng):
 
 def test_a_triad_is_found_by_its_sides(hand, rng):
     table = triads(hand, SPREAD_MAX)
-    rows = rng.choice(len(table.spread), 50, replace=False)
+    rows = rng.choice(len(table.preshape), 50, replace=False)
     distance, _ = table.tree.query(triangle_sides(table.points[rows]))
     assert distance.max() < 1e-12
     a, b, c = table.points[rows[0]]
@@ -110,7 +110,7 @@ def test_a_gripper_pinches_with_both_jaws_alike():
     jaw = load_hand("parallel_jaw")
     table = pinches(jaw, 0.0)
     assert triads(jaw, 0.0) is None
-    assert_allclose(table.spread, 0.0)
+    assert table.preshape.shape == (len(table.width), 0)
     assert reachable(jaw, table.joints).all()
     across = np.abs(table.axis[:, 1]) > 1.0 - 1e-9
     assert_allclose(table.width[across], 0.085 - 2.0 * table.joints[across, 0], atol=1e-12)

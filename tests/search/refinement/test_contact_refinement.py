@@ -92,7 +92,7 @@ def test_a_real_grasp_gets_better(make_context, sphere):
     T = np.eye(4)
     T[:3, :3] = np.diag([1.0, -1.0, -1.0])
     T[2, 3] = 0.035 + context.T_palm_face[2, 3] + 0.04
-    attempts = context.evaluator.attempt(T[None], np.array([np.pi / 3]))
+    attempts = context.evaluator.attempt(T[None], np.array([[np.pi / 3]]))
     context.archive.add(attempts)
     first = context.archive.best(1)[0].objective
     refinement = ContactRefinement(context)

@@ -32,7 +32,7 @@ def grasped(bar, make_context, oracle):
         T[:3, :3] = oracle.rotation_about(rng.standard_normal(3), 0.3) @ palm
         T[:3, 3] = rng.uniform(-0.01, 0.01, 3)
         T[2, 3] += 0.06 + context.T_palm_face[2, 3] + rng.uniform(0.0, 0.04)
-        attempts = context.evaluator.attempt(T[None], rng.uniform(0.3, 1.5, 1))
+        attempts = context.evaluator.attempt(T[None], rng.uniform(0.3, 1.5, (1, 1)))
         if attempts.status[0] == AttemptStatus.GRASPED and attempts.epsilon[0] > 0.05:
             context.archive.add(attempts)
             return context

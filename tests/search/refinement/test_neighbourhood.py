@@ -44,7 +44,7 @@ def moved(T_start, T, face_height):
 
 def test_neighbours_move_about_the_palms_face(neighbours, face_height, rng):
     neighbourhood, _, T = neighbours(samples=1000)
-    drawn, _ = neighbourhood.draw(T, 1.0, rng)
+    drawn, _ = neighbourhood.draw(T, np.ones(1), rng)
     shift, turn = moved(T, drawn, face_height)
     shifted = np.linalg.norm(shift, axis=1) > 1e-9
     turned = np.linalg.norm(turn, axis=1) > 1e-9
@@ -59,7 +59,7 @@ def test_steps_are_drawn_from_the_whole_range_of_scales(neighbours, face_height,
     neighbourhood, _, T = neighbours(
         samples=1000, step_min=0.01, step_translation_m=0.02, step_rotation_deg=10.0
     )
-    drawn, _ = neighbourhood.draw(T, 1.0, rng)
+    drawn, _ = neighbourhood.draw(T, np.ones(1), rng)
     shift, turn = moved(T, drawn, face_height)
     for step, largest in ((shift, 0.02), (turn, np.deg2rad(10.0))):
         length = np.linalg.norm(step, axis=1)
@@ -76,18 +76,18 @@ def test_steps_are_drawn_from_the_whole_range_of_scales(neighbours, face_height,
 @pytest.mark.parametrize("spread", [0.0, np.pi])
 def test_spreads_stay_within_their_limits(neighbours, spread, rng):
     neighbourhood, _, T = neighbours(samples=300, step_spread_deg=90.0)
-    _, drawn = neighbourhood.draw(T, spread, rng)
+    _, drawn = neighbourhood.draw(T, np.array([spread]), rng)
     assert np.all((drawn >= 0.0) & (drawn <= np.pi))
     assert np.mean(drawn == spread) == pytest.approx(0.5, abs=0.1)
 
 
 def test_an_attempt_answers_the_best_of_its_neighbours_and_keeps_all(neighbours):
     neighbourhood, context, T = neighbours(
-        figures=lambda T, s: 0.3 + T[:, 0, 3] + 0.01 * s, samples=9
+        figures=lambda T, s: 0.3 + T[:, 0, 3] + 0.01 * s[:, 0], samples=9
     )
-    T_best, spread, objective = neighbourhood.attempt(T, 1.0)
+    T_best, spread, objective = neighbourhood.attempt(T, np.ones(1))
     [(poses, spreads)] = context.evaluator.attempts
-    figures = 0.3 + poses[:, 0, 3] + 0.01 * spreads
+    figures = 0.3 + poses[:, 0, 3] + 0.01 * spreads[:, 0]
     best = int(np.argmax(figures))
     assert_allclose(T_best, poses[best], atol=0.0)
     assert spread == spreads[best]
@@ -106,17 +106,19 @@ def test_distances_are_counted_in_largest_steps(neighbours, face_height):
     tilted = T.copy()
     tilted[:3, :3] = T[:3, :3] @ Rotation.from_rotvec([np.deg2rad(15.0), 0.0, 0.0]).as_matrix()
     others = np.stack([T, shifted, turned, T, tilted])
-    spreads = 1.0 + np.deg2rad([0.0, 0.0, 0.0, -50.0, 0.0])
+    spreads = 1.0 + np.deg2rad([[0.0], [0.0], [0.0], [-50.0], [0.0]])
     # The tilt about the flange carries the palm's face along a chord.
     chord = 2.0 * face_height * np.sin(np.deg2rad(7.5)) / 0.02
     expected = [0.0, 1.5, 2.0, 2.0, np.hypot(1.0, chord)]
-    assert_allclose(neighbourhood.steps_between(others, spreads, T, 1.0), expected, atol=1e-6)
+    assert_allclose(
+        neighbourhood.steps_between(others, spreads, T, np.ones(1)), expected, atol=1e-6
+    )
 
 
 def test_a_step_of_nothing_makes_everything_else_far(neighbours):
     neighbourhood, _, T = neighbours(step_translation_m=0.0)
     other = T.copy()
     other[0, 3] += 1e-6
-    distance = neighbourhood.steps_between(np.stack([T, other]), np.ones(2), T, 1.0)
+    distance = neighbourhood.steps_between(np.stack([T, other]), np.ones((2, 1)), T, np.ones(1))
     assert distance[0] < 1e-3
     assert distance[1] > 100.0

@@ -99,7 +99,7 @@ def test_nobody_starts_near_where_another_one_did(tournament):
     assert it.n_starts == 5
     assert set(turns_of(context)) == set(range(5))
     # Nor does it when it comes later.
-    it.consider(context.evaluator.attempt(np.stack([np.eye(4)] * 3), np.zeros(3)))
+    it.consider(context.evaluator.attempt(np.stack([np.eye(4)] * 3), np.zeros((3, 1))))
     assert not it.step()
 
 

@@ -13,7 +13,8 @@ from gpis_grasp_planner.cli.tables import Column
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.grasp.grasp import Grasp
-    from gpis_grasp_planner.hand.description import Finger, HandDescription
+    from gpis_grasp_planner.hand.description import HandDescription
+    from gpis_grasp_planner.hand.finger import Finger
     from gpis_grasp_planner.plan.request import PlanResult
 
 PALM = "P"

@@ -104,7 +104,10 @@ def facts_of(hand: HandDescription) -> dict[str, Any]:
         "motors": [
             {"name": name, "lower": float(low), "upper": float(high)}
             for name, low, high in zip(
-                hand.drive.motor_names, hand.drive.motor_lower, hand.drive.motor_upper, strict=True
+                (*hand.preshape.names, *hand.drive.motor_names),
+                hand.motor_lower,
+                hand.motor_upper,
+                strict=True,
             )
         ],
     }
@@ -119,11 +122,11 @@ def _check(hand: HandDescription) -> int:
         output.note(f"gpis-grasp: {fault}")
     if faults:
         return ERROR
-    spread = "a spread" if hand.spread_upper else "no spread"
-    links = len(hand.fingers[0].links)
+    links = sorted({len(finger.links) for finger in hand.fingers})
     print(
-        f"{hand.name}: no fault found; {len(hand.fingers)} fingers of {links} "
-        f"link{'s' if links > 1 else ''}, {spread}, {hand.n_links} links with "
+        f"{hand.name}: no fault found; {len(hand.fingers)} fingers of "
+        f"{' or '.join(map(str, links))} link{'s' if links != [1] else ''}, pre-shape: "
+        f"{', '.join(hand.preshape.names) or 'none'}, {hand.n_links} links with "
         f"{sum(map(len, hand.link_collision))} convex pieces."
     )
     return SUCCESS
@@ -140,7 +143,9 @@ def _draw(hand: HandDescription, path: Path | None) -> int:
     output.check_picture(path)
     share = np.array(_SHOWN)
     joints = joints_from_motors(
-        hand, np.zeros(len(share)), share[:, None] * hand.drive.motor_upper[1:]
+        hand,
+        np.tile(hand.preshape.lower, (len(share), 1)),
+        share[:, None] * hand.drive.motor_upper,
     )
     gaps = 1e3 * fingertip_gaps(hand, share)
     views = [

@@ -21,7 +21,6 @@ from gpis_grasp_planner.grasp.open_hand import open_postures
 from gpis_grasp_planner.grasp.tally import Tally
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints, touch_motors
-from gpis_grasp_planner.hand.preshape import spread_of
 
 Array = NDArray[np.float64]
 
@@ -85,19 +84,19 @@ class ConstrainedEvaluator:
         """States whose guided potential was asked for so far."""
         return self._evaluator.n_states
 
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad].
+    def attempt(self, T_object_palm: Array, preshape: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with pre-shapes (B, S).
 
         Where the way of open fingers is blocked the hand starts narrower, and `start_joints` say
         so: the fingers have no memory before their first contact, so that the grasp is the same.
         """
         if not self.constraints:
-            return self._counted(self._evaluator.attempt(T_object_palm, spread))
-        opened = open_postures(self._hand, spread)
+            return self._counted(self._evaluator.attempt(T_object_palm, preshape))
+        opened = open_postures(self._hand, preshape)
         free = self._screen(T_object_palm, opened, palm=True)
-        made = self._evaluator.attempt(T_object_palm[free], spread[free])
+        made = self._evaluator.attempt(T_object_palm[free], preshape[free])
         made = replace(made, start_joints=opened[free])
-        attempts = _among(made, free, T_object_palm, opened, spread)
+        attempts = _among(made, free, T_object_palm, opened, preshape)
         found = self._judge(attempts, _grasped(attempts))
         for back in _BACK_RAD:
             if not found.blocked.any():
@@ -111,7 +110,7 @@ class ConstrainedEvaluator:
             return self._counted(self._evaluator.attempt_from(T_object_palm, joints))
         free = self._screen(T_object_palm, joints)
         made = self._evaluator.attempt_from(T_object_palm[free], joints[free])
-        attempts = _among(made, free, T_object_palm, joints, spread_of(self._hand, joints))
+        attempts = _among(made, free, T_object_palm, joints, self._hand.preshape.of(joints))
         return self._marked(attempts, self._judge(attempts, _grasped(attempts)))
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
@@ -119,10 +118,10 @@ class ConstrainedEvaluator:
         return self._evaluator.postures(T_object_palm, motors)
 
     def clear_palm(
-        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+        self, T_object_palm: Array, normals_outward: Array, preshape: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until the part leaves them free; see the protocol."""
-        T, free = self._evaluator.clear_palm(T_object_palm, normals_outward, spread, standoff)
+        T, free = self._evaluator.clear_palm(T_object_palm, normals_outward, preshape, standoff)
         self.tally.reject(T_object_palm, free)
         return T, free
 
@@ -157,10 +156,10 @@ class ConstrainedEvaluator:
     ) -> tuple[Attempts, Verdict]:
         """Start the blocked hands at most `back` [rad, or `closing_unit`] before first contact."""
         rows = np.flatnonzero(found.blocked)
-        spread, _ = motors_from_joints(self._hand, attempts.joints[rows])
+        preshape, _ = motors_from_joints(self._hand, attempts.joints[rows])
         touch = touch_motors(self._hand, attempts.joints[rows])
         wider = np.maximum(touch - back * self._hand.closing_unit, 0.0)
-        start = joints_from_motors(self._hand, spread, wider)
+        start = joints_from_motors(self._hand, preshape, wider)
         wide = attempts.start_joints
         assert wide is not None
         trial = replace(attempts, start_joints=_with_rows(wide, rows, start))
@@ -238,7 +237,7 @@ def _among(
     free: NDArray[np.bool_],
     T_object_palm: Array,
     joints: Array,
-    spread: Array,
+    preshape: Array,
 ) -> Attempts:
     """The attempts of the free rows, among rows that were not tried."""
     if free.all():
@@ -253,6 +252,6 @@ def _among(
     values["status"][~free] = AttemptStatus.BLOCKED
     values["epsilon"][~free] = -1.0
     values["T_object_palm"][~free] = T_object_palm[~free]
-    values["spread"][~free] = spread[~free]
+    values["preshape"][~free] = preshape[~free]
     values["joints"][~free] = values["start_joints"][~free] = joints[~free]
     return Attempts(**values)

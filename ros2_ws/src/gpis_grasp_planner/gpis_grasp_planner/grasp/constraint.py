@@ -169,7 +169,7 @@ class Constraint(Protocol):
     def allows_palm(self, T_object_palm: Array, joints: Array, /) -> NDArray[np.bool_]:
         """Which hands (B, 4, 4) may be there at all, however far their fingers are closed: (B,).
 
-        Looks at the links that the closing does not move, with the spread of `joints` (B, J).
+        Looks at the links that the closing does not move, with the pre-shape of `joints` (B, J).
         """
         del joints
         return np.ones(len(T_object_palm), dtype=np.bool_)

@@ -44,8 +44,8 @@ class Attempts:
     T_object_palm : (B, 4, 4) array
         Where the hands closed: where they were asked to, but for a coupled hand, whose palm is
         moved along its jaws' line until both touch (`scene.centring`).
-    spread : (B,) array [rad]
-        Spread of the hand before it closed.
+    preshape : (B, S) array [rad or m]
+        Pre-shape of the hand, which it keeps while it closes.
     status : (B,) int array of AttemptStatus
     joints : (B, J) array [rad]
         The closed hand.
@@ -71,7 +71,7 @@ class Attempts:
     """
 
     T_object_palm: Array
-    spread: Array
+    preshape: Array
     status: NDArray[np.int64]
     joints: Array
     n_contacts: NDArray[np.int64]
@@ -157,16 +157,16 @@ class GraspEvaluator(Protocol):
         """Grasp attempts so far: hands closed or found in collision."""
         ...
 
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
+    def attempt(self, T_object_palm: Array, preshape: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with pre-shapes (B, S)."""
         ...
 
     def clear_palm(
-        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+        self, T_object_palm: Array, normals_outward: Array, preshape: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until they are free of the object.
 
-        Poses (B, 4, 4) at lambda = 0, normals (B, 3), spreads (B,) [rad], extra distances (B,)
+        Poses (B, 4, 4) at lambda = 0, normals (B, 3), pre-shapes (B, S), extra distances (B,)
         [m] to go back; returns the moved poses and which of them are free (B,).
         """
         ...
@@ -182,7 +182,7 @@ class PostureEvaluator(GraspEvaluator, Protocol):
         ...
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
-        """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [spread, fingers] [rad]."""
+        """Hands at poses (B, 4, 4) and motor angles (B, S + F) [pre-shape, fingers]."""
         ...
 
     def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:

@@ -137,7 +137,7 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
     and the rest of the batch do. Whoever has arrived waits at the end.
     """
     _, m_start = motors_from_joints(hand, start)
-    spread, m_end = motors_from_joints(hand, end)
+    preshape, m_end = motors_from_joints(hand, end)
     ends, over, held = _held(hand, end)
     kinks = np.where(over, ends, m_end[..., None])
     kinks = np.clip(kinks, np.minimum(m_start, m_end)[..., None], m_end[..., None])
@@ -156,7 +156,7 @@ def _closing_path(hand: HandDescription, start: Array, end: Array) -> tuple[Arra
     n, samples = motors.shape[:2]
     path = joints_from_motors(
         hand,
-        np.repeat(spread, samples),
+        np.repeat(preshape, samples, axis=0),
         motors.reshape(n * samples, -1),
         np.repeat(held, samples, axis=0),
     ).reshape(n, samples, -1)
@@ -185,14 +185,16 @@ def closing_in_time(hand: HandDescription, start: Array, end: Array, n: int) -> 
         By the drive's law, the first `start` and the last `end` themselves.
     """
     _, [m_start] = motors_from_joints(hand, start)
-    [spread], [m_end] = motors_from_joints(hand, end)
+    preshape, [m_end] = motors_from_joints(hand, end)
     _, _, held = _held(hand, np.asarray(end)[None])
     way = m_end - m_start
-    speed = hand.drive.motor_speed[1:]
+    speed = hand.drive.motor_speed
     time_s = np.linspace(0.0, np.max(np.abs(way) / speed), n)
     gone = np.minimum(time_s[:, None] * speed, np.abs(way))
     motors = m_start + np.sign(way) * gone
-    joints = joints_from_motors(hand, np.full(n, spread), motors, np.repeat(held, n, axis=0))
+    joints = joints_from_motors(
+        hand, np.repeat(preshape, n, axis=0), motors, np.repeat(held, n, axis=0)
+    )
     joints[0], joints[-1] = start, end
     return time_s, joints
 
@@ -201,8 +203,8 @@ def _held(hand: HandDescription, end: Array) -> tuple[Array, NDArray[np.bool_], 
     """Where rows of the closing table end, which did, and the angles held, (B, F, D - 1) each."""
     _, m_end = motors_from_joints(hand, end)
     ends = row_ends(hand, end)
-    over = (m_end[..., None] - ends) * hand.drive.row_travel[0] > _BROKEN_AWAY_RAD
-    return ends, over, np.where(over, end[:, hand.finger_joints[:, :-1]], np.inf)
+    over = (m_end[..., None] - ends) * hand.drive.first_travel[:, None] > _BROKEN_AWAY_RAD
+    return ends, over, np.where(over, hand.of_fingers(end)[..., :-1], np.inf)
 
 
 @lru_cache(maxsize=8)
@@ -219,8 +221,9 @@ def _acceleration(hand: HandDescription) -> float:
         if hand.joint_slides[finger.inner_joint]:
             continue
         arms = [float(np.linalg.norm(hand.T_parent_joint[k][:3, 3])) for k in finger.links[1:]]
-        for row, gear in zip(hand.drive.closing_ratio, hand.drive.row_gear, strict=True):
-            turn = np.cumsum(row / gear) ** 2
+        table = finger.closing_ratio
+        for row in table:
+            turn = np.cumsum(row * table[0].sum() / row.sum()) ** 2
             for number, link in enumerate(finger.links):
                 inwards = sum(turn[i] * arms[i] for i in range(number))
                 for piece in np.flatnonzero(pieces.link == link):

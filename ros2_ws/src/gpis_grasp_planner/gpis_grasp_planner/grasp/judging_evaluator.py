@@ -43,9 +43,9 @@ class JudgingEvaluator(ABC):
         """States whose guided potential was asked for so far."""
         return self._evaluator.n_states
 
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
-        return self.judged(self._evaluator.attempt(T_object_palm, spread))
+    def attempt(self, T_object_palm: Array, preshape: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with pre-shapes (B, S)."""
+        return self.judged(self._evaluator.attempt(T_object_palm, preshape))
 
     def attempt_from(self, T_object_palm: Array, joints: Array) -> Attempts:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]."""
@@ -56,10 +56,10 @@ class JudgingEvaluator(ABC):
         return self._evaluator.postures(T_object_palm, motors)
 
     def clear_palm(
-        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+        self, T_object_palm: Array, normals_outward: Array, preshape: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until they are free; see the protocol."""
-        return self._evaluator.clear_palm(T_object_palm, normals_outward, spread, standoff)
+        return self._evaluator.clear_palm(T_object_palm, normals_outward, preshape, standoff)
 
     def approach(
         self, T_object_palm: Array, joints: Array, reach: float

@@ -7,15 +7,14 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.grasp.evaluator import Attempts
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.hand.preshape import set_spread
 
 Array = NDArray[np.float64]
 
 
-def open_postures(hand: HandDescription, spread: Array) -> Array:
-    """Postures (B, J) [rad] of the open hand at spreads (B,) [rad]."""
-    joints = np.zeros((len(spread), hand.n_joints))
-    set_spread(hand, joints, spread)
+def open_postures(hand: HandDescription, preshape: Array) -> Array:
+    """Postures (B, J) [rad] of the open hand at pre-shapes (B, S) [rad or m]."""
+    joints = np.zeros((len(preshape), hand.n_joints))
+    hand.preshape.put(joints, preshape)
     return joints
 
 
@@ -23,4 +22,4 @@ def pregrasp_of(attempts: Attempts, rows: NDArray[np.intp], hand: HandDescriptio
     """Postures (n, J) [rad] from which the given attempts closed."""
     if attempts.start_joints is not None:
         return np.array(attempts.start_joints[rows])
-    return open_postures(hand, attempts.spread[rows])
+    return open_postures(hand, attempts.preshape[rows])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,8 +29,8 @@ def faults_of(hand: HandDescription) -> list[str]:
 
     Looked at are the shapes (there, closed, convex, of a hand's size), the wanted contacts (on
     their links), the masses of moving links, the motors (their ends are those of their joints, the
-    spread keeps its joints within their limits), and the closing (fingers move, do not overlap when
-    open, and come nearer to what they close towards).
+    pre-shape keeps its joints within their limits), and the closing (fingers move, do not overlap
+    when open, and come nearer to what they close towards).
     Some 20 ms.
     """
     return [
@@ -41,9 +43,12 @@ def faults_of(hand: HandDescription) -> list[str]:
 
 
 def fingertip_gaps(hand: HandDescription, share: Array) -> Array:
-    """Smallest distance (n,) [m] of two fingers, motors at shares (n,) of their way; 0: meet."""
-    motors = np.asarray(share)[:, None] * hand.drive.motor_upper[1:]
-    joints = joints_from_motors(hand, np.zeros(len(motors)), motors)
+    """Smallest distance (n,) [m] of two fingers, motors at shares (n,) of their way; 0: meet.
+
+    The pre-shape's motors are at their lower ends.
+    """
+    motors = np.asarray(share)[:, None] * hand.drive.motor_upper
+    joints = joints_from_motors(hand, np.tile(hand.preshape.lower, (len(motors), 1)), motors)
     poses = link_transforms(hand, joints)
     return np.array([_nearest_fingers(hand, T) for T in poses])
 
@@ -104,25 +109,25 @@ def _mass_faults(hand: HandDescription) -> list[str]:
 
 def _motor_faults(hand: HandDescription) -> list[str]:
     """Motors whose ends contradict those of their joints."""
-    drive = hand.drive
     faults = []
-    spread = float(drive.motor_upper[0])
-    for finger in hand.fingers:
-        joint, end = finger.spread_joint, finger.spread_gain * spread
+    shape = hand.preshape
+    corners = np.array(list(product(*zip(shape.lower, shape.upper, strict=True))))
+    reached = corners @ shape.gain
+    for joint, least, most in zip(shape.joints, reached.min(0), reached.max(0), strict=True):
         low, high = hand.joint_lower[joint], hand.joint_upper[joint]
-        if joint >= 0 and not low - _SAME_RAD <= end <= high + _SAME_RAD:
+        if not (low - _SAME_RAD <= least and most <= high + _SAME_RAD):
             faults.append(
-                f"The largest spread takes joint '{hand.joint_names[joint]}' to {end:.4f}, but its "
-                f"limits are {low:.4f} and {high:.4f}; lower the spread's motor_upper or its gain."
+                f"The pre-shape takes joint '{hand.joint_names[joint]}' from {least:.4f} to "
+                f"{most:.4f}, but its limits are {low:.4f} and {high:.4f}; change the ends or the "
+                "gains of the pre-shape's motors."
             )
-    upper = hand.joint_upper[hand.finger_joints]
-    for finger, name, has, own in zip(
-        hand.fingers, drive.motor_names[1:], drive.motor_upper[1:], upper, strict=True
+    for finger, name, has in zip(
+        hand.fingers, hand.drive.motor_names, hand.drive.motor_upper, strict=True
     ):
-        if drive.advances_at_stop:
-            ends = float(own.sum() / drive.row_travel[0])
+        own, ratio = hand.joint_upper[list(finger.joints)], finger.closing_ratio[0]
+        if hand.drive.advances_at_stop:
+            ends = float(own.sum() / ratio.sum())
         else:  # where the first joint of the first row comes to its limit
-            ratio = drive.closing_ratio[0]
             ends = float((own[ratio > 0.0] / ratio[ratio > 0.0]).min())
         if abs(has - ends) > _SAME_SHARE * ends:
             faults.append(

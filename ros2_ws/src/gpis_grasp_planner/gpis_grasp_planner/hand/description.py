@@ -19,60 +19,13 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.drive_train import Drive, check_limits, read_drive
+from gpis_grasp_planner.hand.finger import Finger, read_finger
 from gpis_grasp_planner.hand.palm_turn import palm_turn
+from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M, Preshape, read_preshape
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
-
-SLIDING_LEVER_M = 0.05
-
-
-@dataclass(frozen=True)
-class Finger:
-    """One finger: indices of its joints and links (-1: it has none).
-
-    Attributes
-    ----------
-    spread_joint : int
-        The joint of the pre-shape, or -1.
-    joints, links : tuples of int
-        What closing moves, from the palm outwards; of all fingers as many.
-    knuckle_link : int
-        The link that carries the first of them.
-    spread_sign : int
-        Sense of the spread about the palm's z axis, 0 without a spread joint.
-    spread_gain : float
-        Motion of the spread joint per spread.
-    """
-
-    name: str
-    spread_joint: int
-    joints: tuple[int, ...]
-    links: tuple[int, ...]
-    knuckle_link: int
-    spread_sign: int
-    spread_gain: float
-
-    @property
-    def inner_joint(self) -> int:
-        """The first joint that closes."""
-        return self.joints[0]
-
-    @property
-    def distal_joint(self) -> int:
-        """The last joint that closes; of a finger with one link, the same as the inner one."""
-        return self.joints[-1]
-
-    @property
-    def inner_link(self) -> int:
-        """The first link that closing moves."""
-        return self.links[0]
-
-    @property
-    def distal_link(self) -> int:
-        """The outermost link; of a finger with one link, the same as the inner one."""
-        return self.links[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +61,7 @@ class HandDescription(UrdfTree):
         Turns directions in the URDF's root link to the palm frame, whose z is out of the palm.
     link_friction_group : tuple of str
         "palm" or "finger" per link.
+    preshape : Preshape
     fingers : tuple of Finger
     drive : Drive
     eigengrasps : Eigengrasps
@@ -122,6 +76,7 @@ class HandDescription(UrdfTree):
     palm_link: str
     palm_turn: Array
     link_friction_group: tuple[str, ...]
+    preshape: Preshape
     fingers: tuple[Finger, ...]
     drive: Drive
     eigengrasps: Eigengrasps
@@ -143,10 +98,31 @@ class HandDescription(UrdfTree):
             digest.update(path.read_bytes())
         return f"{self.name}#{digest.hexdigest()[:16]}"
 
+    def of_fingers(self, joints: Array) -> Array:
+        """What the joints that closing moves have of (..., J) values, (..., F, D).
+
+        D is the largest number of links of a finger. One of fewer has its own at the end, and 0
+        before them: it is like one whose first joints cannot move.
+        """
+        values = np.zeros((*joints.shape[:-1], len(self.fingers), self.drive.n_links))
+        for index, finger in enumerate(self.fingers):
+            values[..., index, -len(finger.joints) :] = joints[..., list(finger.joints)]
+        return values
+
     @property
-    def finger_joints(self) -> NDArray[np.int64]:
-        """The joints that closing moves, (F, D)."""
-        return np.array([finger.joints for finger in self.fingers])
+    def first_joint(self) -> NDArray[np.int64]:
+        """Where each finger's own joints begin among the D of `of_fingers`, (F,)."""
+        return np.array([self.drive.n_links - len(finger.joints) for finger in self.fingers])
+
+    @property
+    def motor_lower(self) -> Array:
+        """Lower ends of all motors, (S + F,): those of the pre-shape, then one for each finger."""
+        return np.concatenate([self.preshape.lower, self.drive.motor_lower])
+
+    @property
+    def motor_upper(self) -> Array:
+        """Upper ends of all motors, (S + F,)."""
+        return np.concatenate([self.preshape.upper, self.drive.motor_upper])
 
     @property
     def closing_unit(self) -> Array:
@@ -157,11 +133,6 @@ class HandDescription(UrdfTree):
         """
         slides = self.joint_slides[[finger.inner_joint for finger in self.fingers]]
         return np.where(slides, SLIDING_LEVER_M, 1.0)
-
-    @property
-    def spread_upper(self) -> float:
-        """Largest spread [rad]; 0 for a hand without one."""
-        return float(self.drive.motor_upper[0])
 
     @property
     def n_joints(self) -> int:
@@ -233,7 +204,8 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
             f"'{data['palm_link']}' as palm link; make them agree."
         )
     palm_like = set(data["palm_friction_links"])
-    fingers = tuple(_finger(tree, entry) for entry in data["fingers"])
+    fingers = tuple(read_finger(tree, entry, data["drive"]) for entry in data["fingers"])
+    closing = [joint for finger in fingers for joint in finger.joints]
     hand = HandDescription(
         **{f.name: getattr(tree, f.name) for f in fields(UrdfTree)},
         name=name,
@@ -244,18 +216,22 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         link_friction_group=tuple(
             "palm" if link in palm_like else "finger" for link in tree.link_names
         ),
+        preshape=read_preshape(
+            data.get("preshape", ()), tree.joint_names, tree.joint_slides, closing
+        ),
         fingers=fingers,
-        drive=read_drive(data["drive"], len(fingers[0].links)),
+        drive=read_drive(data["drive"], [finger.closing_ratio for finger in fingers]),
         eigengrasps=Eigengrasps(
             origin=np.array(data["eigengrasps"]["origin"], dtype=float),
             directions=np.array(data["eigengrasps"]["directions"], dtype=float),
             amplitude_limit=float(data["eigengrasps"]["amplitude_limit"]),
         ),
-        desired_contacts=_desired_contacts(data["desired_contacts"], fingers, turn),
+        desired_contacts=_desired_contacts(data, fingers, turn),
         contact_patches=bool(data.get("contact_patches", False)),
     )
     _check(hand)
-    for part in (hand, hand.drive, hand.eigengrasps, hand.desired_contacts):
+    parts = (hand, hand.preshape, *fingers, hand.drive, hand.eigengrasps, hand.desired_contacts)
+    for part in parts:
         _freeze(part)
     return hand
 
@@ -278,30 +254,6 @@ def _models() -> Path:
     return Path(__file__).resolve().parent / "models"
 
 
-def _finger(tree: UrdfTree, entry: Mapping[str, Any]) -> Finger:
-    for name in [*entry["joints"], entry.get("spread_joint")]:
-        if name is not None and name not in tree.joint_names:
-            raise RequestError(
-                f"Finger '{entry['name']}' names a joint '{name}' that the URDF does not have; it "
-                f"has {', '.join(tree.joint_names)}."
-            )
-    if not entry["joints"]:
-        raise RequestError(f"Finger '{entry['name']}' has 0 closing joints; give it one at least.")
-    spread = entry.get("spread_joint")
-    joints = tuple(tree.joint_names.index(name) for name in entry["joints"])
-    moved_by = {int(joint): link for link, joint in enumerate(tree.link_joint) if joint >= 0}
-    links = tuple(moved_by[joint] for joint in joints)
-    return Finger(
-        name=entry["name"],
-        spread_joint=-1 if spread is None else tree.joint_names.index(spread),
-        joints=joints,
-        links=links,
-        knuckle_link=int(tree.link_parent[links[0]]),
-        spread_sign=int(entry.get("spread_sign", 0)),
-        spread_gain=float(entry.get("spread_gain", 1.0)),
-    )
-
-
 def _check(hand: HandDescription) -> None:
     """Refuse what the closing does not know, see docs/decisions."""
     for finger in hand.fingers:
@@ -316,21 +268,32 @@ def _check(hand: HandDescription) -> None:
                 f"A joint of finger '{finger.name}' of '{hand.name}' does not begin at 0, where "
                 "the open hand is; shift the joint's origin in the URDF."
             )
-    if len({len(finger.links) for finger in hand.fingers}) != 1:
-        raise RequestError(f"The fingers of '{hand.name}' differ in their number of links.")
-    n_motors = len(hand.fingers) + 1
+    n_motors = len(hand.fingers)
     if len(hand.drive.motor_upper) != n_motors or len(hand.drive.motor_names) != n_motors:
         raise RequestError(
-            f"'{hand.name}' names {len(hand.drive.motor_names)} motors with "
-            f"{len(hand.drive.motor_upper)} limits; give {n_motors}: the spread (0 where there is "
-            "none), then one for each finger."
+            f"The drive of '{hand.name}' names {len(hand.drive.motor_names)} motors with "
+            f"{len(hand.drive.motor_upper)} limits; give {n_motors}, one for each finger. What is "
+            "set before the hand closes is under 'preshape'."
+        )
+    n_degrees = len(hand.preshape) + n_motors
+    if hand.eigengrasps.directions.shape[1:] != (n_degrees,):
+        raise RequestError(
+            f"The eigengrasps of '{hand.name}' are of the shape "
+            f"{hand.eigengrasps.directions.shape}; give each {n_degrees} numbers: the pre-shape's "
+            "motors, then one for each finger."
         )
     if hand.drive.coupled and not _is_parallel_pair(hand):
         raise RequestError(
             f"'{hand.name}' is coupled, which is known for two fingers that slide towards each "
             "other by the same amount only."
         )
-    check_limits(hand.name, hand.drive, hand.joint_upper[hand.finger_joints])
+    for finger, motor in zip(hand.fingers, hand.drive.motor_upper, strict=True):
+        check_limits(
+            f"finger '{finger.name}' of '{hand.name}'",
+            finger.closing_ratio,
+            hand.joint_upper[list(finger.joints)],
+            float(motor),
+        )
 
 
 def _is_parallel_pair(hand: HandDescription) -> bool:
@@ -349,13 +312,15 @@ def _is_parallel_pair(hand: HandDescription) -> bool:
 def _desired_contacts(
     data: Mapping[str, Any], fingers: tuple[Finger, ...], turn: Array
 ) -> DesiredContacts:
-    wanted = [(0, entry) for entry in data["palm"]]
-    for finger in fingers:
-        for link, entries in zip(finger.links, data["links"], strict=True):
+    general = data["desired_contacts"]
+    wanted = [(0, entry) for entry in general["palm"]]
+    for finger, own in zip(fingers, data["fingers"], strict=True):
+        of_links = own["desired_contacts"] if "desired_contacts" in own else general["links"]
+        for link, entries in zip(finger.links, of_links, strict=True):
             wanted += [(link, entry) for entry in entries]
     normals = np.array([entry["normal"] for _, entry in wanted], dtype=float)
     points = np.array([entry["point_mm"] for _, entry in wanted], dtype=float) / 1000.0
-    of_palm = len(data["palm"])
+    of_palm = len(general["palm"])
     points[:of_palm], normals[:of_palm] = points[:of_palm] @ turn.T, normals[:of_palm] @ turn.T
     return DesiredContacts(
         links=np.array([link for link, _ in wanted]),

@@ -1,4 +1,4 @@
-"""Motors to joints and back, by the closing table: coupling, breakaway, stops and travel times.
+"""Motors to joints and back, by the closing table: coupling, breakaway and stops.
 
 One motor closes a finger of D joints. While the first h links are held, its joints move as row h of
 the table says (`Drive.closing_ratio`); a link is held from where it touches on, or from its stop on
@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.hand.preshape import set_spread, spread_of, spreads_agree
 
 Array = NDArray[np.float64]
 
@@ -31,7 +30,7 @@ _AT_STOP = 1e-6
 
 def joints_from_motors(
     hand: HandDescription,
-    spread: ArrayLike,
+    preshape: ArrayLike,
     motor: ArrayLike,
     held: ArrayLike = np.inf,
 ) -> Array:
@@ -40,13 +39,14 @@ def joints_from_motors(
     Parameters
     ----------
     hand : HandDescription
-    spread : (B,) array [rad]
-        All spread joints follow it with their gains.
+    preshape : (B, S) array [rad or m]
+        Of its motors.
     motor : (B, F) array [rad]
         Angles the first joints would have while nothing is held.
     held : (B, F, D - 1) array [rad], optional
         Angles at which all joints but the last were held, because their links touched; infinite
-        where they were not. Before that a finger moves as if there were none.
+        where they were not. Before that a finger moves as if there were none. Ordered as by
+        `HandDescription.of_fingers`.
 
     Returns
     -------
@@ -57,51 +57,55 @@ def joints_from_motors(
     motor = np.atleast_2d(np.asarray(motor, dtype=float))
     n = drive.n_links
     held = np.broadcast_to(np.asarray(held, dtype=float), (*motor.shape, n - 1))
-    upper = hand.joint_upper[hand.finger_joints]
+    upper = hand.of_fingers(hand.joint_upper)
+    gear = drive.row_gear
     q = np.zeros((*motor.shape, n))
     left = motor
     for h in range(n - 1):
         end = held[..., h]
         if drive.advances_at_stop:
             end = np.minimum(end, upper[:, h])
-        way = np.minimum(left / drive.row_gear[h], end - q[..., h])
+        way = np.minimum(left / gear[:, h], end - q[..., h])
         if h:  # a motor may be where an earlier link is held
             way = np.maximum(way, 0.0)
-        q += way[..., None] * drive.closing_ratio[h]
-        left = left - way * drive.row_gear[h]
-    q[..., -1] = motor * drive.row_travel[0] - q[..., :-1].sum(axis=-1)
+        way = np.where(h < hand.first_joint, 0.0, way)
+        q += way[..., None] * drive.closing_ratio[:, h]
+        left = left - way * gear[:, h]
+    q[..., -1] = motor * drive.first_travel - q[..., :-1].sum(axis=-1)
     joints = np.zeros((len(motor), hand.n_joints))
-    set_spread(hand, joints, spread)
+    hand.preshape.put(joints, np.atleast_2d(np.asarray(preshape, dtype=float)))
     for index, finger in enumerate(hand.fingers):
-        joints[:, list(finger.joints)] = q[:, index]
+        joints[:, list(finger.joints)] = q[:, index, -len(finger.joints) :]
     return np.clip(joints, hand.joint_lower, hand.joint_upper)
 
 
 def motors_from_joints(hand: HandDescription, joints: ArrayLike) -> tuple[Array, Array]:
-    """Motor angles (spread (B,), motor (B, F)) [rad] that hold joint angles (B, J).
+    """Motor angles (pre-shape (B, S), motor (B, F)) [rad] that hold joint angles (B, J).
 
     Inverse of :func:`joints_from_motors`, whatever is held. A posture that no drive reaches (a
     joint behind its coupling) still has a figure here; :func:`reachable` tells.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
-    q = joints[:, hand.finger_joints]
-    return spread_of(hand, joints), q.sum(axis=-1) / hand.drive.row_travel[0]
+    q = hand.of_fingers(joints)
+    return hand.preshape.of(joints), q.sum(axis=-1) / hand.drive.first_travel
 
 
 def row_ends(hand: HandDescription, joints: ArrayLike) -> Array:
     """Motor angles (B, F, D - 1) [rad] at which the joints but the last came to where they are.
 
-    From there on each of them is held in closed hands (B, J) [rad], and the next row moves.
+    From there on each of them is held in closed hands (B, J) [rad], and the next row moves. 0 for
+    joints that a finger of fewer links does not have.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
-    q = joints[:, hand.finger_joints]
+    q = hand.of_fingers(joints)
+    gear = hand.drive.row_gear
     base = np.zeros_like(q)
     ends = np.zeros((*q.shape[:2], hand.drive.n_links - 1))
     motor = np.zeros(q.shape[:2])
     for h in range(hand.drive.n_links - 1):
         way = q[..., h] - base[..., h]
-        motor = motor + hand.drive.row_gear[h] * way
-        base += way[..., None] * hand.drive.closing_ratio[h]
+        motor = motor + gear[:, h] * way
+        base += way[..., None] * hand.drive.closing_ratio[:, h]
         ends[..., h] = motor
     return ends
 
@@ -117,10 +121,11 @@ def touch_motors(hand: HandDescription, joints: ArrayLike) -> Array:
     if hand.drive.n_links == 1:
         return end
     ends = row_ends(hand, joints)
+    none = np.arange(hand.drive.n_links - 1) < hand.first_joint[:, None]
     if hand.drive.advances_at_stop:
-        inner = hand.finger_joints[:, :-1]
-        at_stop = joints[:, inner] >= hand.joint_upper[inner] - _AT_STOP
-        ends = np.where(at_stop, end[..., None], ends)
+        inner, upper = (hand.of_fingers(x)[..., :-1] for x in (joints, hand.joint_upper))
+        none = none | (inner >= upper - _AT_STOP)
+    ends = np.where(none, end[..., None], ends)
     return np.asarray(ends.min(axis=-1))
 
 
@@ -129,40 +134,19 @@ def reachable(
 ) -> NDArray[np.bool_]:
     """Whether joint vectors (B, J) lie within limits and can be driven to, (B,) bool.
 
-    The spread joints must agree, as must the fingers of a coupled hand, and no joint may be
+    The pre-shape's joints must agree, as must the fingers of a coupled hand, and no joint may be
     behind its coupling.
     """
     joints = np.atleast_2d(np.asarray(joints, dtype=float))
     low = (joints >= hand.joint_lower - tolerance).all(axis=1)
     high = (joints <= hand.joint_upper + tolerance).all(axis=1)
-    together = spreads_agree(hand, joints, tolerance)
-    q = joints[:, hand.finger_joints]
+    together = hand.preshape.agree(joints, tolerance)
+    q = hand.of_fingers(joints)
     base = np.zeros_like(q)
     ahead = np.ones(len(joints), dtype=np.bool_)
     for h in range(hand.drive.n_links - 1):
-        base += (q[..., h] - base[..., h])[..., None] * hand.drive.closing_ratio[h]
+        base += (q[..., h] - base[..., h])[..., None] * hand.drive.closing_ratio[:, h]
         ahead &= (q[..., h + 1] >= base[..., h + 1] - tolerance).all(axis=1)
     if hand.drive.coupled:
         together = together & (np.ptp(q[..., 0], axis=1) <= tolerance)
     return np.asarray(low & high & together & ahead)
-
-
-def motor_at_end(hand: HandDescription, held: ArrayLike) -> Array:
-    """Largest useful motor angle [rad] of a finger whose links were held at `held` (..., D - 1).
-
-    The last joint's limit or the motor's end, whichever comes first.
-    """
-    upper = hand.joint_upper[list(hand.fingers[0].joints)]
-    motor_upper = float(hand.drive.motor_upper[1])
-    stopped = np.minimum(np.asarray(held, dtype=float), upper[:-1])
-    travel = stopped.sum(axis=-1) + upper[-1]
-    return np.asarray(np.minimum(motor_upper, travel / hand.drive.row_travel[0]))
-
-
-def travel_time(hand: HandDescription, start: ArrayLike, end: ArrayLike) -> Array:
-    """Time [s] each motor takes from `start` to `end`, (B, n_motors) [rad] at its full speed.
-
-    Motors are ordered as ``hand.drive.motor_names``: spread, then the fingers.
-    """
-    travel = np.abs(np.asarray(end, dtype=float) - np.asarray(start, dtype=float))
-    return np.asarray(travel / hand.drive.motor_speed)

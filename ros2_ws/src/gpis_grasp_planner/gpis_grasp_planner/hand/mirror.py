@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gpis_grasp_planner.hand.description import SLIDING_LEVER_M, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.hand.preshape import set_spread
+from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M
 
-_SPREAD_RAD = 0.5
+_PRESHAPE_SHARE = 0.16
 _LINKS_RAD = (0.7, 0.4)
 _TOLERANCE_M = 1e-3
 
@@ -26,14 +26,14 @@ def hand_mirror(hand: HandDescription) -> NDArray[np.float64] | None:
 
     Tried are the frame's planes through its z axis, on the corners of the fingers' collision
     shapes at one general posture with all fingers closed alike, to 1 mm. The reflected hand has
-    the same spread and the same finger angles, some fingers exchanged. None if neither fits.
+    the same pre-shape and the same finger angles, some fingers exchanged. None if neither fits.
     Some ms, once per hand.
     """
     joints = np.zeros((1, hand.n_joints))
     for finger in hand.fingers:
         for joint, value in zip(finger.joints, _LINKS_RAD, strict=False):
             joints[0, joint] = value * (SLIDING_LEVER_M if hand.joint_slides[joint] else 1.0)
-    set_spread(hand, joints, [_SPREAD_RAD])
+    hand.preshape.put(joints, hand.preshape.at(_PRESHAPE_SHARE)[None])
     T_palm_link = link_transforms(hand, joints)[0]
     corners = np.concatenate(
         [

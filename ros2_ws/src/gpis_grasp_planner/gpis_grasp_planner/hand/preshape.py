@@ -1,41 +1,148 @@
-"""The spread, what a hand sets before it closes: one figure that moves the spread joints.
+"""The pre-shape: what a hand sets before it closes, and keeps while it does.
 
-Each joint follows it with its own gain (`Finger.spread_gain`), 1 where the description has none.
+Each of its motors is one figure, such as the Barrett's spread; joints follow the motors with gains.
+A hand has any number of them, also none.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from gpis_grasp_planner.hand.description import HandDescription
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import RequestError
 
 Array = NDArray[np.float64]
 
-
-def set_spread(hand: HandDescription, joints: Array, spread: ArrayLike) -> None:
-    """Put spreads (B,) [rad] into joints (B, J) [rad], in place."""
-    for finger in hand.fingers:
-        if finger.spread_joint >= 0:
-            joints[:, finger.spread_joint] = finger.spread_gain * np.asarray(spread)
+SLIDING_LEVER_M = 0.05
 
 
-def spread_of(hand: HandDescription, joints: Array) -> Array:
-    """Spreads (B,) [rad] of joints (B, J) [rad]: the mean over what each joint says."""
-    said = _spreads(hand, joints)
-    return said.mean(axis=1) if said.shape[1] else np.zeros(len(joints))
+@dataclass(frozen=True, eq=False)
+class Preshape:
+    """S motors and the P joints that closing does not move.
+
+    Attributes
+    ----------
+    names : tuple of str
+    lower, upper, speed : (S,) arrays [rad and rad/s, or m and m/s]
+    unit : (S,) array
+        What counts as 1 rad: 1, or a lever of 50 mm for a motor whose joints slide.
+    joints : (P,) int array
+        Indices of the joints; those without a gain stay at 0.
+    gain : (S, P) array
+        Each joint's motion per motor's.
+    inverse : (P, S) array
+        Its right inverse.
+    """
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    speed: Array
+    unit: Array
+    joints: NDArray[np.int64]
+    gain: Array
+    inverse: Array
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def put(self, joints: Array, values: Array) -> None:
+        """Put pre-shapes (B, S) into joints (B, J) [rad or m], in place."""
+        joints[:, self.joints] = np.asarray(values, dtype=float) @ self.gain
+
+    def of(self, joints: Array) -> Array:
+        """Pre-shapes (B, S) of joints (B, J): by least squares where the joints disagree."""
+        return np.asarray(joints[:, self.joints] @ self.inverse)
+
+    def agree(self, joints: Array, tolerance: float) -> NDArray[np.bool_]:
+        """Whether the joints (B, J) follow the motors, (B,)."""
+        off = np.abs(joints[:, self.joints] - self.of(joints) @ self.gain)
+        return np.asarray(2.0 * off.max(axis=1, initial=0.0) <= tolerance)
+
+    def at(self, share: float) -> Array:
+        """The pre-shape (S,) at a share of each motor's way."""
+        return np.asarray(self.lower + share * (self.upper - self.lower))
 
 
-def spreads_agree(hand: HandDescription, joints: Array, tolerance: float) -> NDArray[np.bool_]:
-    """Whether the spread joints of (B, J) [rad] follow one spread, (B,)."""
-    apart = np.zeros((len(joints), hand.n_joints))
-    set_spread(hand, apart, spread_of(hand, joints))
-    spreading = [finger.spread_joint for finger in hand.fingers if finger.spread_joint >= 0]
-    off = np.abs(joints[:, spreading] - apart[:, spreading])
-    return np.asarray(2.0 * off.max(axis=1, initial=0.0) <= tolerance)
+def read_preshape(
+    entries: Sequence[Mapping[str, Any]],
+    joint_names: Sequence[str],
+    joint_slides: NDArray[np.bool_],
+    closing: Sequence[int],
+) -> Preshape:
+    """The pre-shape from its part of the YAML file.
+
+    Parameters
+    ----------
+    entries : sequence of mappings
+        One for each motor.
+    joint_names, joint_slides
+        Of the URDF.
+    closing : sequence of int
+        Joints that closing moves; the others are the pre-shape's.
+
+    Raises
+    ------
+    RequestError
+        If a joint is unknown or closes, or if the joints do not tell the motors apart.
+    """
+    joints = [j for j in range(len(joint_names)) if j not in closing]
+    gain = np.zeros((len(entries), len(joints)))
+    unit = np.ones(len(entries))
+    for number, entry in enumerate(entries):
+        slides = set()
+        for name, value in entry["joints"].items():
+            if name not in joint_names:
+                raise RequestError(
+                    f"The pre-shape's motor '{entry['name']}' names a joint '{name}' that the URDF "
+                    f"does not have; it has {', '.join(joint_names)}."
+                )
+            joint = list(joint_names).index(name)
+            if joint in closing:
+                raise RequestError(
+                    f"Joint '{name}' is moved by the pre-shape's motor '{entry['name']}' and by "
+                    "a finger's closing; leave it to one of them."
+                )
+            gain[number, joints.index(joint)] = float(value)
+            slides.add(bool(joint_slides[joint]))
+        if len(slides) > 1:
+            raise RequestError(
+                f"The pre-shape's motor '{entry['name']}' moves joints that turn and joints that "
+                "slide; give each kind a motor of its own."
+            )
+        unit[number] = SLIDING_LEVER_M if True in slides else 1.0
+    if np.linalg.matrix_rank(gain) < len(entries):
+        raise RequestError(
+            "The joints do not tell the pre-shape's motors apart: their gains are "
+            f"{gain.tolist()}. Give each motor a joint with a gain, and no two motors the same."
+        )
+    lower, upper = (np.array([_end(e, which) for e in entries]) for which in ("lower", "upper"))
+    travel_s = np.array([float(entry["full_travel_s"]) for entry in entries])
+    if not (lower < upper).all() or not (travel_s > 0.0).all():
+        raise RequestError(
+            f"The pre-shape's motors go from {lower.tolist()} to {upper.tolist()} in "
+            f"{travel_s.tolist()} s; give each a range and a time above 0."
+        )
+    return Preshape(
+        names=tuple(str(entry["name"]) for entry in entries),
+        lower=lower,
+        upper=upper,
+        speed=(upper - lower) / travel_s,
+        unit=unit,
+        joints=np.array(joints, dtype=np.int64),
+        gain=gain,
+        inverse=gain.T @ np.linalg.inv(gain @ gain.T),
+    )
 
 
-def _spreads(hand: HandDescription, joints: Array) -> Array:
-    moving = [f for f in hand.fingers if f.spread_joint >= 0 and f.spread_gain != 0.0]
-    gains = np.array([finger.spread_gain for finger in moving])
-    return np.asarray(joints[:, [finger.spread_joint for finger in moving]] / gains)
+def _end(entry: Mapping[str, Any], which: str) -> float:
+    """Lower or upper end of a motor [rad or m]; the lower is 0 where nothing is said."""
+    if f"{which}_mm" in entry:
+        return float(entry[f"{which}_mm"]) / 1000.0
+    if which == "lower" and "lower_deg" not in entry:
+        return 0.0
+    return float(np.radians(float(entry[f"{which}_deg"])))

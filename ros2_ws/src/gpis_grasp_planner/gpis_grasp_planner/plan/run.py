@@ -105,7 +105,7 @@ class PlanRun:
             evaluator=self._evaluator,
             atlas=prepared.atlas,
             archive=self._archive,
-            settings=settings.search.with_spread_up_to(self.hand.spread_upper),
+            settings=settings.search,
             rng=np.random.default_rng(request.seed),
             constraints=self._constraints,
             reported=reported_measures(settings, part),

@@ -181,9 +181,8 @@ def load_compiled() -> None:
     engine = settings.verification.engine
     for name in (engine, *second_engines(engine)):
         load(name, hand)
-    spread_max = float(np.deg2rad(settings.adaption.spread_max_deg))
-    pinches(hand, spread_max)
-    triads(hand, spread_max)
+    pinches(hand, settings.adaption.spread_max_deg)
+    triads(hand, settings.adaption.spread_max_deg)
 
 
 def compile_group(group: str) -> None:
@@ -199,16 +198,17 @@ def compile_group(group: str) -> None:
     compiled = CompiledEvaluator(hand, part, Friction(0.6, 0.6), settings.scene)
     evaluator = with_balance(compiled, hand, part, settings)
     # A batch of none runs no loop, but every function of the loop is there afterwards.
-    poses, spread, vectors = np.empty((0, 4, 4)), np.empty(0), np.empty((0, 3))
+    poses, vectors = np.empty((0, 4, 4)), np.empty((0, 3))
+    preshapes = np.empty((0, len(hand.preshape)))
     if group == "attempts":
-        evaluator.attempt(poses, spread)
+        evaluator.attempt(poses, preshapes)
         evaluator.attempt_from(poses, np.empty((0, hand.n_joints)))
         return
     surface = fit_part(part.mesh, SurfaceSettings(n_samples=50))
     surface.value(surface.points[:1])
     compiled.tree.nearest(surface.points[:1])
     ConvexCover(part.mesh, compiled.field, compiled.tree).add()
-    evaluator.clear_palm(poses, vectors, spread, spread)
+    evaluator.clear_palm(poses, vectors, preshapes, np.empty(0))
 
 
 def warm_up_judging(part: Part, tree: TriangleTree) -> None:

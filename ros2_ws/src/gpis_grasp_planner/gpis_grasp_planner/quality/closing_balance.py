@@ -73,13 +73,17 @@ class ClosingBalance:
         self._center = np.array(center_of_mass, dtype=float)
         self._scale = float(torque_scale)
         self._share = float(friction_share)
-        self._links = np.array([finger.links for finger in hand.fingers])
-        self._slides = hand.joint_slides[hand.finger_joints[:, 0]]
-        self._arms = np.array([tip_arms(hand, number) for number in range(len(hand.fingers))])
+        # A joint that a finger does not have is infinitely far from what it presses with.
+        shape = (len(hand.fingers), hand.drive.n_links)
+        self._links, self._arms = np.full(shape, -1), np.full(shape, np.inf)
+        for number, finger in enumerate(hand.fingers):
+            self._links[number, -len(finger.links) :] = finger.links
+            self._arms[number, -len(finger.links) :] = tip_arms(hand, number)
+        self._slides = hand.joint_slides[[finger.inner_joint for finger in hand.fingers]]
         self._press = np.full(self._arms.shape, press_n / load_n)
         self._hold = np.full(self._arms.shape, hold_n / load_n)
         if hand.drive.independent:
-            self._hold = hand.joint_effort[hand.finger_joints] / self._arms / load_n
+            self._hold = hand.of_fingers(hand.joint_effort) / self._arms / load_n
             self._press = np.minimum(self._press, self._hold)
 
     def imbalance(
@@ -136,12 +140,12 @@ class ClosingBalance:
     def _rows(self, joints: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """By which row of its closing table a finger moved last, and whether that ended, (B, F)."""
         hand, drive = self._hand, self._hand.drive
-        q, upper = joints[:, hand.finger_joints], hand.joint_upper[hand.finger_joints]
+        q, upper = hand.of_fingers(joints), hand.of_fingers(hand.joint_upper)
         at_end = q > upper - (_AT_END_RAD * hand.closing_unit)[:, None]
-        row = np.zeros(q.shape[:2], dtype=np.int64)
+        row = np.tile(hand.first_joint, (len(q), 1))
         base = np.zeros_like(q)
         for h in range(1, drive.n_links):
-            base += (q[..., h - 1] - base[..., h - 1])[..., None] * drive.closing_ratio[h - 1]
+            base += (q[..., h - 1] - base[..., h - 1])[..., None] * drive.closing_ratio[:, h - 1]
             goes_on = q[..., h] > base[..., h] + _FREED_RAD
             if drive.advances_at_stop:
                 goes_on |= (row == h - 1) & at_end[..., h - 1]
@@ -156,7 +160,7 @@ def tip_arms(hand: HandDescription, finger: int) -> tuple[float, ...]:
     """
     if hand.joint_slides[hand.fingers[finger].inner_joint]:
         return (1.0,)
-    tip = hand.drive.tip_point
+    tip = hand.fingers[finger].tip_point
     arms = [float(np.linalg.norm(tip))]
     for link in hand.fingers[finger].links[:0:-1]:
         T = hand.T_parent_joint[link]

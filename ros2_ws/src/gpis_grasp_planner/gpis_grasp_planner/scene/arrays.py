@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -18,7 +18,8 @@ from gpis_grasp_planner.geometry.distance_field import DistanceField
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
-from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.finger import Finger
 from gpis_grasp_planner.hand.surface_points import SurfacePoints, surface_points
 from gpis_grasp_planner.packed_arrays import pack, unpack
 
@@ -31,6 +32,8 @@ _PROBE_PITCH = 0.002
 
 class HandArrays(NamedTuple):
     """A hand of L links, P convex pieces, N surface points, F fingers of D links, K probes a link.
+
+    A finger of fewer links than D has its own from `first` on; what is before is never looked at.
 
     `piece_*`, `point_*` and `probe*` are in the frame of their link. Probes are few points all
     over a link's surface, for quick looks at the distance field. `probe_reach` is how far a
@@ -60,14 +63,15 @@ class HandArrays(NamedTuple):
     link_radius: Array  # (L,) of the ball about that which holds the probes
     link_cover: Array  # (L,) farthest place of the link's surface from its nearest probe
     link_reach: Array  # (L, D) the largest `probe_reach` that any point of the link has
-    spread_joints: Index  # (S,)
-    spread_gain: Array  # (S,) their motion per spread
+    preshape_joints: Index  # (H,)
+    preshape_gain: Array  # (S, H) their motion per motor's of the pre-shape
+    first: Index  # (F,)
     finger_joint: Index  # (F, D)
     finger_link: Index  # (F, D)
     finger_upper: Array  # (F, D) the joints' upper limits; a coupled finger's twice that
     finger_unit: Array  # (F,) what counts as 1 rad of the closing, `HandDescription.closing_unit`
-    closing_ratio: Array  # (D, D) [h, k]: joint k's motion per joint h's while the first h are held
-    row_gear: Array  # (D,) the motor's motion per joint h's in row h
+    closing_ratio: Array  # (F, D, D) [f, h, k]: joint k's motion per joint h's in row h
+    row_gear: Array  # (F, D) the motor's motion per joint h's in row h
     row_start: Array  # (F, D, D) [f, h, k]: where joint k is when row h begins after stops alone
     advances_at_stop: bool  # a joint at its stop is held, and the next row goes on
     coupled: bool  # the fingers move together, by one motor
@@ -161,9 +165,10 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
             link_finger[link] = index
             a, b = point_start[link : link + 2]
             for j in range(k + 1):
-                probe_reach[link, :, j] = _reach(hand, finger, j, k, probes[link])
+                at = n_of_finger - len(finger.links) + j
+                probe_reach[link, :, at] = _reach(hand, finger, j, k, probes[link])
                 # A little more than the largest sample: vertices are samples, arcs between are not.
-                link_reach[link, j] = 1.02 * _reach(hand, finger, j, k, points[a:b]).max()
+                link_reach[link, at] = 1.02 * _reach(hand, finger, j, k, points[a:b]).max()
     return HandArrays(
         parent=np.asarray(hand.link_parent, dtype=np.int64),
         joint=np.asarray(hand.link_joint, dtype=np.int64),
@@ -188,17 +193,13 @@ def _packed_hand(hand: HandDescription) -> HandArrays:
         link_radius=from_middle.max(axis=1),
         link_cover=link_cover,
         link_reach=link_reach,
-        spread_joints=np.array(
-            [f.spread_joint for f in hand.fingers if f.spread_joint >= 0], dtype=np.int64
-        ),
-        spread_gain=np.array(
-            [f.spread_gain for f in hand.fingers if f.spread_joint >= 0], dtype=float
-        ),
-        finger_joint=np.array([f.joints for f in hand.fingers], dtype=np.int64),
-        finger_link=np.array([f.links for f in hand.fingers], dtype=np.int64),
+        preshape_joints=np.array(hand.preshape.joints),
+        preshape_gain=np.array(hand.preshape.gain),
+        first=np.array(hand.first_joint, dtype=np.int64),
+        finger_joint=_at_the_end([f.joints for f in hand.fingers], n_of_finger),
+        finger_link=_at_the_end([f.links for f in hand.fingers], n_of_finger),
         # The jaws that are brought together share their ways: one may first go that of both.
-        finger_upper=np.array([hand.joint_upper[list(f.joints)] for f in hand.fingers])
-        * (2.0 if hand.drive.coupled else 1.0),
+        finger_upper=hand.of_fingers(hand.joint_upper) * (2.0 if hand.drive.coupled else 1.0),
         finger_unit=np.array(hand.closing_unit),
         closing_ratio=np.array(hand.drive.closing_ratio),
         row_gear=np.array(hand.drive.row_gear),
@@ -238,11 +239,19 @@ def _row_start(hand: HandDescription) -> Array:
     """Where the joints of a finger that touches nothing are when each row begins, (F, D, D)."""
     n = hand.drive.n_links
     start = np.zeros((len(hand.fingers), n, n))
-    upper = hand.joint_upper[hand.finger_joints]
+    upper = hand.of_fingers(hand.joint_upper)
     for h in range(n - 1):
         way = upper[:, h] - start[:, h, h]
-        start[:, h + 1] = start[:, h] + way[:, None] * hand.drive.closing_ratio[h]
+        start[:, h + 1] = start[:, h] + way[:, None] * hand.drive.closing_ratio[:, h]
     return start
+
+
+def _at_the_end(rows: Sequence[Sequence[int]], n: int) -> Index:
+    """Rows of different lengths as (F, n), each at its end; -1 before."""
+    result = np.full((len(rows), n), -1, dtype=np.int64)
+    for to, row in zip(result, rows, strict=True):
+        to[n - len(row) :] = row
+    return result
 
 
 def _reach(hand: HandDescription, finger: Finger, j: int, k: int, points: Array) -> Array:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors, motors_from_joints
+from gpis_grasp_planner.hand.finger import Finger
 from gpis_grasp_planner.scene.bullet_world import BulletWorld
 
 Array = NDArray[np.float64]
@@ -38,19 +39,20 @@ class BulletClosing:
     def close(self, finger: Finger, joints: Array) -> bool:
         """Close one finger by the rows of its closing table; returns whether it touches."""
         hand, drive = self.hand, self.hand.drive
-        members, n = list(finger.joints), drive.n_links
+        members, table = list(finger.joints), finger.closing_ratio
+        n = len(members)
         upper = hand.joint_upper[members] * (2.0 if drive.coupled else 1.0)
         q = np.array(joints[members])
         row, touched = 0, False
         base = np.zeros(n)
         while drive.advances_at_stop and row + 1 < n and q[row] >= upper[row] - _BISECTED:
             row += 1
-            base = q - drive.closing_ratio[row] * q[row]
+            base = q - table[row] * q[row]
         while row < n:
             free = range(row, n)
 
             def move(at: float, row: int = row, base: Array = base) -> None:
-                moved = np.minimum(base + drive.closing_ratio[row] * at, upper)
+                moved = np.minimum(base + table[row] * at, upper)
                 q[row:] = moved[row:]
                 for k in range(row, n):
                     self.world.set_joint(members[k], q[k])
@@ -70,7 +72,7 @@ class BulletClosing:
             else:
                 break
             if row < n:
-                base = q - drive.closing_ratio[row] * q[row]
+                base = q - table[row] * q[row]
         joints[members] = q
         return touched
 
@@ -101,7 +103,7 @@ class BulletClosing:
         hand, finger = self.hand, self.hand.fingers[index]
         _, motors = motors_from_joints(hand, joints)
         motors[0, index] = max(motors[0, index] - 0.05 * hand.closing_unit[index], 0.0)
-        opened = joints_from_motors(hand, np.zeros(1), motors)[0]
+        opened = joints_from_motors(hand, hand.preshape.of(joints[None]), motors)[0]
         for joint in finger.joints:
             joints[joint] = opened[joint]
             self.world.set_joint(joint, joints[joint])
@@ -159,7 +161,7 @@ def _advance(
 
 
 def _speeds(hand: HandDescription) -> Array:
-    """Largest speed (D, L) of a finger link's points per motion of the first joint of each row."""
+    """Largest speed (D, L) of a finger link's points per motion of the first joint of a row."""
     speeds = np.zeros((hand.drive.n_links, hand.n_links))
     for finger in hand.fingers:
         for number, link in enumerate(finger.links):
@@ -175,6 +177,6 @@ def _speeds(hand: HandDescription) -> Array:
                 lever += float(np.linalg.norm(hand.T_parent_joint[inwards][:3, 3]))
                 reach.insert(0, lever)
             for row in range(number + 1):
-                ratio = hand.drive.closing_ratio[row, row : number + 1]
+                ratio = finger.closing_ratio[row, row : number + 1]
                 speeds[row, link] = ratio @ np.array(reach[row:])
     return speeds

@@ -89,12 +89,12 @@ class BulletEvaluator:
         """Grasp attempts so far."""
         return self._n_attempts
 
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]; 50 to 500 ms each."""
-        n = len(spread)
+    def attempt(self, T_object_palm: Array, preshape: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with pre-shapes (B, S); 50 to 500 ms each."""
+        n = len(preshape)
         result = Attempts(
             T_object_palm=np.array(T_object_palm, dtype=float),
-            spread=np.array(spread, dtype=float),
+            preshape=np.array(preshape, dtype=float),
             status=np.zeros(n, dtype=np.int64),
             joints=np.zeros((n, self.hand.n_joints)),
             n_contacts=np.zeros(n, dtype=np.int64),
@@ -107,7 +107,7 @@ class BulletEvaluator:
         )
         for row in range(n):
             status, joints, contacts, quality = self._attempt(
-                result.T_object_palm[row], spread[row]
+                result.T_object_palm[row], preshape[row]
             )
             k = len(contacts)
             result.status[row] = status
@@ -124,13 +124,13 @@ class BulletEvaluator:
         return result
 
     def clear_palm(
-        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+        self, T_object_palm: Array, normals_outward: Array, preshape: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until they are free; see the protocol."""
         T = np.array(T_object_palm, dtype=float)
         free = np.zeros(len(T), dtype=np.bool_)
         for row in range(len(T)):
-            self.world.set_joints(self._open(spread[row]))
+            self.world.set_joints(self._open(preshape[row]))
             free[row] = self._clear(T[row], normals_outward[row], float(standoff[row]))
         self.tally.reject(np.asarray(T_object_palm), free)
         return T, free
@@ -155,12 +155,12 @@ class BulletEvaluator:
             contacts_confirmed=farthest <= threshold + _CLAIM_TOLERANCE_M,
         )
 
-    def _open(self, spread: float) -> Array:
-        return open_postures(self.hand, np.array([spread]))[0]
+    def _open(self, preshape: float) -> Array:
+        return open_postures(self.hand, np.array([preshape]))[0]
 
-    def _attempt(self, T: Array, spread: float) -> tuple[AttemptStatus, Array, Contacts, Quality]:
+    def _attempt(self, T: Array, preshape: float) -> tuple[AttemptStatus, Array, Contacts, Quality]:
         world, settings = self.world, self.settings
-        joints = self._open(spread)
+        joints = self._open(preshape)
         nothing = (Contacts.none(), Quality(-1.0, 0.0))
         world.place_palm(T)
         world.set_joints(joints)
@@ -172,7 +172,7 @@ class BulletEvaluator:
             if not all(touched):
                 return (AttemptStatus.TOO_FEW_CONTACTS, joints, *nothing)
             closing.centre(T, joints)
-            for posture in (self._open(spread), joints):
+            for posture in (self._open(preshape), joints):
                 world.set_joints(posture)
                 if world.hand_gap(settings.contact_threshold_m) <= 0.0:
                     return (AttemptStatus.PALM_COLLISION, joints, *nothing)
@@ -184,7 +184,7 @@ class BulletEvaluator:
         quality = grasp_quality(
             contacts, self.part.center_of_mass, self.part.max_radius, settings.cone_edges
         )
-        if quality.epsilon > 0.0 and not self._way_back(T, spread):
+        if quality.epsilon > 0.0 and not self._way_back(T, preshape):
             return AttemptStatus.NO_WAY_BACK, joints, contacts, nothing[1]
         return AttemptStatus.GRASPED, joints, contacts, quality
 
@@ -208,8 +208,8 @@ class BulletEvaluator:
             np.array(links[:k], dtype=np.intp),
         )
 
-    def _way_back(self, T: Array, spread: float) -> bool:
-        self.world.set_joints(self._open(spread))
+    def _way_back(self, T: Array, preshape: float) -> bool:
+        self.world.set_joints(self._open(preshape))
         for step in range(1, _RETREAT_STEPS + 1):
             back = T.copy()
             back[:3, 3] -= self.settings.retreat_m * step / _RETREAT_STEPS * T[:3, 2]

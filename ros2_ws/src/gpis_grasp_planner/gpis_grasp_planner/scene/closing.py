@@ -46,7 +46,7 @@ _UNWATCHED = 0.08
 def _move_finger(hand, finger, held, s, base, q, R, t):  # type: ignore[no-untyped-def]
     """Put the finger's free joints where they are with the first of them at `s`, into q (D,)."""
     for k in range(held, hand.finger_link.shape[1]):
-        moved = base[k] + hand.closing_ratio[held, k] * s
+        moved = base[k] + hand.closing_ratio[finger, held, k] * s
         q[k] = min(moved, hand.finger_upper[finger, k])
         place_link(hand, hand.finger_link[finger, k], q[k], R, t)
 
@@ -138,7 +138,7 @@ def _advance(hand, obj, finger, held, start, base, q, gap, R, t, work):  # type:
             speed = 0.0
             for j in range(held, k + 1):
                 reach = hand.link_reach[hand.finger_link[finger, k], j]
-                speed += hand.closing_ratio[held, j] * reach
+                speed += hand.closing_ratio[finger, held, j] * reach
             step = min(step, _step(d[k], before[k], angle - free, gap, speed, unit))
         free = angle
         before[:] = d
@@ -155,7 +155,7 @@ def _advance(hand, obj, finger, held, start, base, q, gap, R, t, work):  # type:
 def _first_row(hand, finger, joints, q, base, R, t):  # type: ignore[no-untyped-def]
     """The row in which a finger starts from `joints`, beyond its stops; fills q and base (D,)."""
     n = hand.finger_link.shape[1]
-    row = 0
+    row = hand.first[finger]
     base[:] = 0.0
     while hand.advances_at_stop and row + 1 < n:
         q[row] = joints[hand.finger_joint[finger, row]]
@@ -165,7 +165,7 @@ def _first_row(hand, finger, joints, q, base, R, t):  # type: ignore[no-untyped-
         row += 1
         start = hand.row_start[finger, row]
         for k in range(n):
-            base[k] = start[k] - hand.closing_ratio[row, k] * start[row]
+            base[k] = start[k] - hand.closing_ratio[finger, row, k] * start[row]
     return row
 
 
@@ -197,25 +197,26 @@ def close_hand(hand, obj, joints, gap, R, t, work, other):  # type: ignore[no-un
             if held < n:
                 s = q[held]
                 for k in range(held, n):
-                    base[k] = q[k] - hand.closing_ratio[held, k] * s
+                    base[k] = q[k] - hand.closing_ratio[finger, held, k] * s
         touching += touched[finger]
-        for k in range(n):
+        for k in range(hand.first[finger], n):
             joints[hand.finger_joint[finger, k]] = q[k]
     for finger in range(n_fingers):
         if touched[finger]:
             continue
-        row = n - 1 if hand.advances_at_stop else 0
+        first = hand.first[finger]
+        row = n - 1 if hand.advances_at_stop else first
         while finger_meets_hand(hand, finger, R, t, 1e-4, work, other):
             start = hand.row_start[finger, row]
-            for k in range(n):
-                base[k] = start[k] - hand.closing_ratio[row, k] * start[row]
+            for k in range(first, n):
+                base[k] = start[k] - hand.closing_ratio[finger, row, k] * start[row]
                 q[k] = joints[hand.finger_joint[finger, k]]
             s = max(q[row] - 0.05 * hand.finger_unit[finger], start[row])
             _move_finger(hand, finger, row, s, base, q, R, t)
-            for k in range(n):
+            for k in range(first, n):
                 joints[hand.finger_joint[finger, k]] = q[k]
             if s <= start[row]:
-                if row == 0:
+                if row == first:
                     break
                 row -= 1
     for finger in range(n_fingers):

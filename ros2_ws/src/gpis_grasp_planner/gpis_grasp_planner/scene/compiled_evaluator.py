@@ -19,7 +19,6 @@ from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.evaluator import Attempts, AttemptStatus, Postures
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription
-from gpis_grasp_planner.hand.preshape import spread_of
 from gpis_grasp_planner.quality.fast_epsilon import start_directions
 from gpis_grasp_planner.scene.approach import approach_many
 from gpis_grasp_planner.scene.arrays import hand_arrays, object_arrays
@@ -93,18 +92,18 @@ class CompiledEvaluator:
         """States whose guided potential was asked for so far."""
         return self._n_states
 
-    def attempt(self, T_object_palm: Array, spread: Array) -> Attempts:
-        """Close the hand at poses (B, 4, 4) with spreads (B,) [rad]."""
+    def attempt(self, T_object_palm: Array, preshape: Array) -> Attempts:
+        """Close the hand at poses (B, 4, 4) with pre-shapes (B, S)."""
         T = self._own(T_object_palm)
-        spread = np.ascontiguousarray(spread, dtype=float)
-        result = self._attempts(T, spread)
+        preshape = np.ascontiguousarray(preshape, dtype=float)
+        result = self._attempts(T, preshape)
         for piece in self._pieces(result):
             measures = self._measures(result, piece)
-            attempt_many(self._hand, self._object, T[piece], spread[piece], *measures)
+            attempt_many(self._hand, self._object, T[piece], preshape[piece], *measures)
         return result
 
     def postures(self, T_object_palm: Array, motors: Array) -> Postures:
-        """Hands at poses (B, 4, 4) and motor angles (B, 1 + F) [rad]; see the protocol."""
+        """Hands at poses (B, 4, 4) and motor angles (B, S + F); see the protocol."""
         n, n_fingers = len(motors), len(self.hand.fingers)
         n_inner = max(1, self.hand.drive.n_links - 1)
         result = Postures(
@@ -126,7 +125,7 @@ class CompiledEvaluator:
         return result
 
     def clear_palm(
-        self, T_object_palm: Array, normals_outward: Array, spread: Array, standoff: Array
+        self, T_object_palm: Array, normals_outward: Array, preshape: Array, standoff: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Move open hands along the normals until they are free; see the protocol."""
         T = np.array(T_object_palm, dtype=float)
@@ -136,7 +135,7 @@ class CompiledEvaluator:
             self._object,
             T,
             np.ascontiguousarray(normals_outward, dtype=float),
-            np.ascontiguousarray(spread, dtype=float),
+            np.ascontiguousarray(preshape, dtype=float),
             self.settings.lambda_step_m,
             self.settings.lambda_max_m,
             np.deg2rad(self.settings.theta_step_deg),
@@ -150,7 +149,7 @@ class CompiledEvaluator:
         """Close the hand at poses (B, 4, 4) from postures (B, J) [rad]; see the protocol."""
         T = self._own(T_object_palm)
         start = np.ascontiguousarray(joints, dtype=float)
-        result = self._attempts(T, spread_of(self.hand, start), start)
+        result = self._attempts(T, self.hand.preshape.of(start), start)
         for piece in self._pieces(result):
             measures = self._measures(result, piece)
             attempt_many_from(self._hand, self._object, T[piece], start[piece], True, *measures)
@@ -197,12 +196,12 @@ class CompiledEvaluator:
             return np.array(T_object_palm, dtype=float, order="C")
         return np.ascontiguousarray(T_object_palm, dtype=float)
 
-    def _attempts(self, T: Array, spread: Array, start: Array | None = None) -> Attempts:
+    def _attempts(self, T: Array, preshape: Array, start: Array | None = None) -> Attempts:
         """Arrays for the kernel to fill."""
         n = len(T)
         return Attempts(
             T_object_palm=T,
-            spread=spread,
+            preshape=preshape,
             status=np.zeros(n, dtype=np.int64),
             joints=np.zeros((n, self.hand.n_joints)),
             n_contacts=np.zeros(n, dtype=np.int64),

@@ -11,7 +11,7 @@ from gpis_grasp_planner.scene.centring import centre_hand
 from gpis_grasp_planner.scene.closing import close_hand
 from gpis_grasp_planner.scene.free_hand import hand_meets_itself
 from gpis_grasp_planner.scene.palm import clear_palm, hand_gap, retreat_is_free
-from gpis_grasp_planner.scene.posture import place_hand
+from gpis_grasp_planner.scene.posture import place_hand, set_preshape
 from gpis_grasp_planner.scene.touch import collect_contacts
 
 MAX_CONTACTS = 24
@@ -102,14 +102,13 @@ def attempt_from(
 
 @njit
 def attempt_many(
-    hand, obj, T, spread, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
+    hand, obj, T, preshape, gap, threshold, edges, retreat, directions, n_starts, n_starts_good,
     status, count, epsilon, volume, joints, positions, normals, friction, links,
 ):  # type: ignore[no-untyped-def]  # fmt: skip
     """`attempt_from` for every row, with open fingers; the arrays are filled."""
     start = np.zeros((T.shape[0], hand.n_joints))
     for b in range(T.shape[0]):
-        for k in range(hand.spread_joints.shape[0]):
-            start[b, hand.spread_joints[k]] = hand.spread_gain[k] * spread[b]
+        set_preshape(hand, preshape[b], start[b])
     # Of NumPy's type: a literal False would be a type of its own, and all compiled for it again.
     check_start = np.bool_(False)
     attempt_many_from(
@@ -139,7 +138,7 @@ def attempt_many_from(
 
 
 @njit
-def clear_many(hand, obj, T, normal, spread, step, reach, turn, gap, standoff, free):  # type: ignore[no-untyped-def]
+def clear_many(hand, obj, T, normal, preshape, step, reach, turn, gap, standoff, free):  # type: ignore[no-untyped-def]
     """`clear_palm` for every row, in place in T; `free` tells which ended without collision."""
     n_links = hand.parent.shape[0]
     R = np.empty((n_links, 3, 3))
@@ -147,8 +146,7 @@ def clear_many(hand, obj, T, normal, spread, step, reach, turn, gap, standoff, f
     work = np.empty((512, 3))
     joints = np.zeros(hand.n_joints)
     for b in range(T.shape[0]):
-        for k in range(hand.spread_joints.shape[0]):
-            joints[hand.spread_joints[k]] = hand.spread_gain[k] * spread[b]
+        set_preshape(hand, preshape[b], joints)
         free[b] = clear_palm(
             hand, obj, T[b], normal[b], joints, step, reach, turn, gap, standoff[b], R, t, work
         )

@@ -1,11 +1,11 @@
 """Postures for given motor angles, compiled: what ADMM-CP-Opt optimises over.
 
-A hand like the Barrett is under-actuated. For a palm pose, a spread and one angle per finger motor
-an inner link goes where its motor takes it, or stops where it touches the object and is held; the
-links outwards of it follow the closing table before that and go on by its next row after it. The
-outermost link alone is not stopped: whether its contact point lies on, off or in the surface is the
-constraint that the optimisation has to satisfy. The one link of a finger without others is an inner
-link.
+A hand like the Barrett is under-actuated. For a palm pose, a pre-shape and one angle per finger
+motor an inner link goes where its motor takes it, or stops where it touches the object and is held;
+the links outwards of it follow the closing table before that and go on by its next row after it.
+The outermost link alone is not stopped: whether its contact point lies on, off or in the surface is
+the constraint that the optimisation has to satisfy. The one link of a finger without others is an
+inner link.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from gpis_grasp_planner.scene.posture import (
     overlaps,
     place_hand,
     place_link,
+    set_preshape,
     surely_free,
 )
 
@@ -76,7 +77,7 @@ def _stop_at(hand, obj, finger, h, k, start, end, of, R, t, work):  # type: igno
     free, tried, stopped = start, end, False
     for _ in range(_BISECTIONS):
         for j in range(h, k + 1):
-            angle = of[j] + hand.closing_ratio[h, j] * (tried - start)
+            angle = of[j] + hand.closing_ratio[finger, h, j] * (tried - start)
             place_link(hand, hand.finger_link[finger, j], angle, R, t)
         if overlaps(hand, obj, hand.finger_link[finger, k], R, t, work):
             end, stopped = tried, True
@@ -116,11 +117,11 @@ def _close_finger(hand, obj, finger, motor, gap, q, R, t, work, of, points, inne
     left = motor
     bent = 0.0
     of[:] = 0.0
-    h = 0
+    h = hand.first[finger]
     while h < max(1, last):
         upper = hand.finger_upper[finger, h]
         start = min(of[h], upper)
-        wanted = min(start + left / hand.row_gear[h], upper)
+        wanted = min(start + left / hand.row_gear[finger, h], upper)
         at, touches = _close_inner(hand, obj, finger, h, start, wanted, gap, R, t, work)
         held = h
         for k in range(h + 1, last):
@@ -129,9 +130,9 @@ def _close_finger(hand, obj, finger, motor, gap, q, R, t, work, of, points, inne
                 held = k
                 touches = True
         way = at - start
-        left = max(left - way * hand.row_gear[h], 0.0)
+        left = max(left - way * hand.row_gear[finger, h], 0.0)
         for k in range(h, n):
-            of[k] += hand.closing_ratio[h, k] * way
+            of[k] += hand.closing_ratio[finger, h, k] * way
         if touches:
             inner_touches[held] = True
         elif not (hand.advances_at_stop and at >= upper):
@@ -144,7 +145,8 @@ def _close_finger(hand, obj, finger, motor, gap, q, R, t, work, of, points, inne
             _nearest_point(hand, obj, link, R, t, points[1 + k])
         h = held + 1
     if last > 0:
-        distal = motor * np.sum(hand.closing_ratio[0]) - bent
+        travel = np.sum(hand.closing_ratio[finger, hand.first[finger]])
+        distal = motor * travel - bent
         distal = min(max(distal, 0.0), hand.finger_upper[finger, last])
         q[hand.finger_joint[finger, last]] = distal
         place_link(hand, hand.finger_link[finger, last], distal, R, t)
@@ -153,7 +155,7 @@ def _close_finger(hand, obj, finger, motor, gap, q, R, t, work, of, points, inne
 
 @njit
 def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # type: ignore[no-untyped-def]
-    """Postures of motors (B, 1 + F) [spread, fingers] at palm poses T (B, 4, 4).
+    """Postures of motors (B, S + F) [pre-shape, fingers] at palm poses T (B, 4, 4).
 
     Fills joints (B, J), points (B, F, 1 + I, 3), the point of each finger's outermost (0) and
     inner links nearest to the object, and inner_touches (B, F, I); I is D - 1, or 1 of fingers
@@ -161,6 +163,7 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
     """
     n_links = hand.parent.shape[0]
     n_fingers, n = hand.finger_link.shape
+    n_shape = hand.preshape_gain.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
     work = np.empty((512, 3))
@@ -168,11 +171,10 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
     for b in range(T.shape[0]):
         q = joints[b]
         q[:] = 0.0
-        for k in range(hand.spread_joints.shape[0]):
-            q[hand.spread_joints[k]] = hand.spread_gain[k] * motors[b, 0]
+        set_preshape(hand, motors[b], q)
         place_hand(hand, q, T[b], R, t)
         for finger in range(n_fingers):
             _close_finger(
-                hand, obj, finger, motors[b, 1 + finger], gap, q, R, t, work, of,
+                hand, obj, finger, motors[b, n_shape + finger], gap, q, R, t, work, of,
                 points[b, finger], inner_touches[b, finger],
             )  # fmt: skip

@@ -107,6 +107,16 @@ def surely_free(hand, obj, link, coarse):  # type: ignore[no-untyped-def]
 
 
 @njit(allocates=False)
+def set_preshape(hand, preshape, joints):  # type: ignore[no-untyped-def]
+    """Put a pre-shape, the first S of `preshape`, into joints (J,)."""
+    for k in range(hand.preshape_joints.shape[0]):
+        value = 0.0
+        for m in range(hand.preshape_gain.shape[0]):
+            value += hand.preshape_gain[m, k] * preshape[m]
+        joints[hand.preshape_joints[k]] = value
+
+
+@njit(allocates=False)
 def coarse_step(hand, obj, finger, k, R, t, clearance, held):  # type: ignore[no-untyped-def]
     """Step of the first free joint that should leave `clearance` between link k and the object.
 
@@ -131,7 +141,7 @@ def coarse_step(hand, obj, finger, k, R, t, clearance, held):  # type: ignore[no
         d -= clearance
         speed = 0.0
         for j in range(held, k + 1):
-            speed += hand.closing_ratio[held, j] * hand.probe_reach[link, n, j]
+            speed += hand.closing_ratio[finger, held, j] * hand.probe_reach[link, n, j]
         speed += 1e-6
         if d < best * speed:
             best = d / speed
@@ -244,16 +254,17 @@ def finger_meets_hand(hand, finger, R, t, limit, work, other):  # type: ignore[n
     direction = np.empty(3)
     p = np.empty(3)
     q = np.empty(3)
-    for k in range(hand.finger_link.shape[1] - 1, -1, -1):
+    first = hand.first[finger]
+    for k in range(hand.finger_link.shape[1] - 1, first - 1, -1):
         link = hand.finger_link[finger, k]
         for piece in range(hand.link_piece_start[link], hand.link_piece_start[link + 1]):
             n = 0
             for target in range(hand.parent.shape[0]):
                 own = hand.link_finger[target] == finger
                 fixed = hand.link_finger[target] < 0
-                if own or (fixed and k == 0):
+                if own or (fixed and k == first):
                     continue
-                if fixed and hand.parent[hand.finger_link[finger, 0]] == target:
+                if fixed and hand.parent[hand.finger_link[finger, first]] == target:
                     continue
                 for o in range(hand.link_piece_start[target], hand.link_piece_start[target + 1]):
                     if boxes_apart(hand, piece, o, R, t, limit):

@@ -1,8 +1,8 @@
 """ADMM-CP-Opt (Alg. 3): contact points optimised over the hand's motor angles.
 
-For a palm on its chart the motors' angles q (spread and fingers, those that move; the Barrett's are
-four) maximise the quality of the contacts subject to every contact lying on the implicit surface
-within the contact threshold::
+For a palm on its chart the motors' angles q (pre-shape and fingers, those that move; the Barrett's
+are four) maximise the quality of the contacts subject to every contact lying on the implicit
+surface within the contact threshold::
 
     max  f_obj(q) - g_c(z)   s.t.  q = z,   q, z in the motors' box
 
@@ -17,14 +17,14 @@ Settled here (see also `optimise.admm` for the signs):
 - Only the excess over the threshold is a violation; the paper squares |f| - eps_c, which also
   punishes points well inside it.
 - The motors' angles are scaled to [0, 1], so that rho and the tolerances mean the same for the
-  spread and the fingers; violations are counted in millimetres.
+  pre-shape and the fingers; violations are counted in millimetres.
 - q and z stay in a neighbourhood of the grasp they start from. In the motors' whole box fingers
   that touch are so rare that the few evaluations a sub-problem has find nothing but the start
   (on a ball 5 of 6 runs ended where they began; in the neighbourhood 2 of 10).
 - The under-actuated hand is respected: an inner link stops at the object and is freed
   (breakaway), the distal link follows coupling and breakaway (`evaluator.postures`).
-- The answer of ADMM is realised by closing the hand with the optimised spread at the shifted palm.
-  What enters the archive is that real grasp, never the relaxed posture; a run that did not
+- The answer of ADMM is realised by closing the hand with the optimised pre-shape at the shifted
+  palm. What enters the archive is that real grasp, never the relaxed posture; a run that did not
   converge is reported as such.
 """
 
@@ -65,14 +65,14 @@ class CpOptResult:
     ----------
     T_object_palm : (4, 4) array
         The shifted palm.
-    motors : (1 + F,) array [rad]
-        Optimised spread and finger motors (the consensus z).
+    motors : (S + F,) array [rad]
+        Optimised pre-shape and finger motors (the consensus z).
     admm : AdmmResult
         Iterates and residuals, in motors scaled to [0, 1].
     violation_m : float
         Largest excess of |f_GPIS| over the threshold at the answer's contact points.
     realised : Attempts
-        The hand closed at that palm with that spread (one attempt).
+        The hand closed at that palm with that pre-shape (one attempt).
     """
 
     T_object_palm: Array
@@ -94,10 +94,8 @@ class ContactPointOptimiser:
         self._context = context
         self.settings = context.settings.admm
         self._evaluator = posture_evaluator(context)
-        drive = context.hand.drive
-        self._lower = np.asarray(drive.motor_lower, dtype=float)
-        self._width = np.asarray(drive.motor_upper, dtype=float) - self._lower
-        # a hand without a spread has a motor of no range
+        self._lower = context.hand.motor_lower
+        self._width = context.hand.motor_upper - self._lower
         self._moving = np.flatnonzero(self._width > 0.0)
 
     def optimise(
@@ -117,8 +115,8 @@ class ContactPointOptimiser:
             Asked before every iteration of ADMM.
         """
         c = self._context
-        spread, fingers = motors_from_joints(c.hand, joints)
-        start = self._scaled(np.concatenate([spread, fingers[0]]))
+        [preshape], [fingers] = motors_from_joints(c.hand, joints)
+        start = self._scaled(np.concatenate([preshape, fingers]))
         results = []
         for n in range(self.settings.n_seed):
             if n and should_stop is not None and should_stop():
@@ -189,7 +187,9 @@ class ContactPointOptimiser:
             motors=motors,
             admm=admm,
             violation_m=float(self.violations(T, admm.z[None]).max()),
-            realised=self._context.evaluator.attempt(T[None], motors[:1]),
+            realised=self._context.evaluator.attempt(
+                T[None], motors[None, : len(self._context.hand.preshape)]
+            ),
         )
 
     def _postures(self, T: Array, scaled_motors: Array) -> Postures:
@@ -252,7 +252,7 @@ class ContactPointOptimiser:
         return np.clip(moved, 0.0, 1.0)
 
     def _motors(self, scaled: Array) -> Array:
-        """All motors (B, 1 + F) [rad] of those that move, (B, m) in [0, 1]."""
+        """All motors (B, S + F) [rad] of those that move, (B, m) in [0, 1]."""
         motors = np.tile(self._lower, (len(scaled), 1))
         width = self._width[self._moving]
         motors[:, self._moving] = self._lower[self._moving] + width * scaled

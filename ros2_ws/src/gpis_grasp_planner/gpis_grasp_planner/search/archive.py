@@ -34,9 +34,9 @@ class Candidate:
         return float(self.attempts.epsilon[self.index])
 
     @property
-    def spread(self) -> float:
-        """Spread of the open hand [rad]."""
-        return float(self.attempts.spread[self.index])
+    def preshape(self) -> Array:
+        """Pre-shape of the hand (S,) [rad or m]."""
+        return np.asarray(self.attempts.preshape[self.index])
 
 
 class GraspArchive:

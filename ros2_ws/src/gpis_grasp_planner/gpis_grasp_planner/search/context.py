@@ -16,6 +16,7 @@ from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.quality.measure import Measure
 from gpis_grasp_planner.quality.objective import Objective
 from gpis_grasp_planner.search.archive import GraspArchive
+from gpis_grasp_planner.search.preshape_range import PreshapeRange
 from gpis_grasp_planner.search.settings import SearchSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 
@@ -48,6 +49,11 @@ class PlanningContext:
     def max_radius(self) -> float:
         """Distance of the object's farthest point from its centre of mass [m]."""
         return self.part.max_radius
+
+    @property
+    def preshapes(self) -> PreshapeRange:
+        """What is drawn of the hand's pre-shape."""
+        return PreshapeRange.of(self.hand, self.settings.adaption.spread_max_deg)
 
     @property
     def T_palm_face(self) -> NDArray[np.float64]:

@@ -47,25 +47,27 @@ class HandFitting:
         axes = [c.approach_axis for c in self._constraints if c.approach_axis is not None]
         return axes[0] if axes else None
 
-    def attempt(self, T_object_palm: Array, spread: Array, joints: Array | None = None) -> Attempts:
-        """Close hands near poses (B, 4, 4) with spreads (B,) [rad]; `T_object_palm` says where.
+    def attempt(
+        self, T_object_palm: Array, preshape: Array, joints: Array | None = None
+    ) -> Attempts:
+        """Close hands near poses (B, 4, 4) with pre-shapes (B, S); `T_object_palm` says where.
 
         `joints` (B, J) [rad] are the postures in which they are expected to hold; without, hands
         that are closed about something small.
         """
         if not self._constraints:
-            return self._evaluator.attempt(T_object_palm, spread)
+            return self._evaluator.attempt(T_object_palm, preshape)
         if joints is None:
-            motors = np.tile(_NARROW * self._hand.closing_unit, (len(spread), 1))
-            joints = joints_from_motors(self._hand, spread, motors)
+            motors = np.tile(_NARROW * self._hand.closing_unit, (len(preshape), 1))
+            joints = joints_from_motors(self._hand, preshape, motors)
         T = self._nearest(T_object_palm, joints)
-        attempts = self._evaluator.attempt(T, spread)
+        attempts = self._evaluator.attempt(T, preshape)
         for _ in range(_ROUNDS):
             T = self._freed(attempts)
             rows = np.flatnonzero((attempts.T_object_palm != T).any(axis=(1, 2)))
             if not len(rows):
                 break
-            again = self._evaluator.attempt(T[rows], attempts.spread[rows])
+            again = self._evaluator.attempt(T[rows], attempts.preshape[rows])
             attempts = _merged(attempts, rows, again)
         return attempts
 

@@ -72,13 +72,12 @@ class PalmPoseOptimiser:
         self._context = context
         self.settings = context.settings.hpp
         self.adaption = LocalAdaption.of(context)
-        self._spreads = context.settings.adaption.spread_max_deg > 0.0
         adapted = self.settings.model_sees == "adapted"
         self.space = PalmSearchSpace(
             context.part.mesh.bounds,
             self.settings.palm_clearance_m,
             self.adaption.destination if adapted else None,
-            self._posture_upper() if self.settings.model_posture else None,
+            self._posture_bounds() if self.settings.model_posture else None,
         )
         self.iterations = 0
         self._optimiser = BayesianOptimiser(
@@ -108,9 +107,7 @@ class PalmPoseOptimiser:
         X = self._optimiser.ask_batch(max(1, min(batch, left)))
         T_object_face = self.space.poses(X)
         posture = X[:, 6:].copy()
-        wanted = None
-        if posture.shape[1]:
-            wanted = posture if self._spreads else np.insert(posture, 0, 0.0, axis=1)
+        wanted = posture if posture.shape[1] else None
         adapted = self.adaption(T_object_face, self._context.rng, wanted)
         attempts, owner = adapted.attempts, adapted.proposal
         self._context.archive.add(attempts)
@@ -125,8 +122,8 @@ class PalmPoseOptimiser:
         found = best >= 0
         T_object_face[found] = attempts.T_object_palm[best[found]] @ self.adaption.T_palm_face
         if posture.shape[1]:
-            spread, standoff = attempts.spread, adapted.standoff
-            posture[found] = self._known(spread[best[found]], standoff[best[found]])
+            chosen = best[found]
+            posture[found] = np.column_stack([attempts.preshape[chosen], adapted.standoff[chosen]])
         self.iterations += len(X)
         return Proposals(X, attempts, best, values, T_object_face, posture, feasible)
 
@@ -155,8 +152,8 @@ class PalmPoseOptimiser:
         if self.settings.model_posture:
             _, nearest = self._context.atlas.nearest(T_face[:, :3, 3])
             standoff = np.linalg.norm(T_face[:, :3, 3] - nearest, axis=1)
-            posture = self._known(attempts.spread[best], standoff)
-            posture = np.clip(posture, 0.0, self._posture_upper())
+            posture = np.column_stack([attempts.preshape[best], standoff])
+            posture = np.clip(posture, *self._posture_bounds())
             X = np.hstack([X, posture])
         self._optimiser.tell(
             X,
@@ -170,14 +167,11 @@ class PalmPoseOptimiser:
         blocked = attempts.status[rows] == AttemptStatus.BLOCKED
         return not (self.settings.learn_feasibility and blocked.all())
 
-    def _posture_upper(self) -> Array:
-        s = self.adaption.settings
-        upper = np.array([[np.deg2rad(s.spread_max_deg), s.standoff_max_m]])
-        return self._known(*upper.T)[0]
-
-    def _known(self, spread: Array, standoff: Array) -> Array:
-        """What the model knows (n, p) of spreads and standoffs (n,)."""
-        return np.stack([spread, standoff] if self._spreads else [standoff], axis=1)
+    def _posture_bounds(self) -> Array:
+        """Ends (2, S + 1) of what the model proposes beside the palm: pre-shape and standoff."""
+        preshapes = self._context.preshapes
+        standoff = self.adaption.settings.standoff_max_m
+        return np.array([[*preshapes.lower, 0.0], [*preshapes.upper, standoff]])
 
     def _to_beat(self, X: Array) -> Array:
         """What a grasp near each proposal has to beat to enter the list of distinct grasps."""

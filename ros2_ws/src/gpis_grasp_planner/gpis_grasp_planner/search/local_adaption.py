@@ -8,10 +8,10 @@ Departures from the paper, each for a reason:
 
 - The palm's z is turned *against* the outward normal by the smallest rotation (the paper's text
   turns it onto the normal), so that the proposed rotation decides the roll about it.
-- Beside the place on the chart every seed draws the hand's spread and a standoff. AutoGrasp keeps
-  the spread, so that nothing else in the first stage would choose it; and a hand that always
-  goes as near as it can never grasps with its fingertips. The first seed is the paper's own: the
-  chart's centre, no standoff.
+- Beside the place on the chart every seed draws the hand's pre-shape and a standoff. AutoGrasp
+  keeps the pre-shape, so that nothing else in the first stage would choose it; and a hand that
+  always goes as near as it can never grasps with its fingertips. The first seed is the paper's own:
+  the chart's centre, no standoff.
 - lambda and theta_z start anew for every seed.
 """
 
@@ -28,6 +28,7 @@ from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.grasp.evaluator import Attempts, GraspEvaluator
 from gpis_grasp_planner.search.hand_fitting import HandFitting
+from gpis_grasp_planner.search.preshape_range import PreshapeRange
 from gpis_grasp_planner.search.settings import AdaptionSettings
 from gpis_grasp_planner.surface.atlas import SurfaceAtlas
 
@@ -68,6 +69,8 @@ class LocalAdaption:
     max_radius : float [m]
         The object's largest radius.
     settings : AdaptionSettings
+    preshapes : PreshapeRange
+        What seeds draw of the hand's pre-shape.
     fitting : HandFitting, optional
         Closes the hands where there are constraints; else the evaluator does.
     """
@@ -79,6 +82,7 @@ class LocalAdaption:
         T_palm_face: Array,
         max_radius: float,
         settings: AdaptionSettings,
+        preshapes: PreshapeRange,
         fitting: HandFitting | None = None,
     ):
         self.evaluator = evaluator
@@ -86,6 +90,7 @@ class LocalAdaption:
         self._approach_axis = None if fitting is None else fitting.approach_axis
         self.atlas = atlas
         self.settings = settings
+        self.preshapes = preshapes
         self.T_palm_face = T_palm_face
         self._face_height = float(T_palm_face[2, 3])
         self._radius = settings.chart_radius_ratio * max_radius
@@ -99,6 +104,7 @@ class LocalAdaption:
             context.T_palm_face,
             context.max_radius,
             context.settings.adaption,
+            context.preshapes,
             HandFitting(context),
         )
 
@@ -111,9 +117,9 @@ class LocalAdaption:
         ----------
         T_object_face : (k, 4, 4) array
         rng : numpy Generator
-        posture : (k, 2) array, optional
-            Spread [rad] and standoff [m] of each proposal; its seeds vary about them. Without
-            it every seed draws its own.
+        posture : (k, S + 1) array, optional
+            Pre-shape [rad or m] and standoff [m] of each proposal; its seeds vary about them.
+            Without it every seed draws its own.
         """
         n_seed = self.settings.n_seed
         index, _ = self.atlas.nearest(T_object_face[:, :3, 3])
@@ -136,17 +142,17 @@ class LocalAdaption:
             owner.append(np.full(n_seed, k))
         if not poses:
             empty = np.zeros((0, 4, 4))
-            attempts = self.evaluator.attempt(empty, np.zeros(0))
+            attempts = self.evaluator.attempt(empty, np.zeros((0, len(self.preshapes))))
             return Adapted(attempts, np.zeros(0, dtype=np.int64), np.zeros(0))
         proposal = np.concatenate(owner)
         if posture is None:
-            spread, standoff = self._posture(len(proposal), rng)
+            preshape, standoff = self._posture(len(proposal), rng)
         else:
-            spread, standoff = self._posture_near(posture[proposal], rng)
+            preshape, standoff = self._posture_near(posture[proposal], rng)
         T, free = self.evaluator.clear_palm(
-            np.concatenate(poses), np.concatenate(normals), spread, standoff
+            np.concatenate(poses), np.concatenate(normals), preshape, standoff
         )
-        attempts = self._close(T[free], spread[free])
+        attempts = self._close(T[free], preshape[free])
         return Adapted(attempts, proposal[free], standoff[free])
 
     def destination(self, T_object_face: Array) -> Array:
@@ -175,28 +181,25 @@ class LocalAdaption:
 
     def _posture(self, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
         s = self.settings
-        spread = np.deg2rad(rng.uniform(0.0, s.spread_max_deg, n))
+        preshape = self.preshapes.draw(n, rng)
         # Half of the hands start with the fingers opposed or evenly around: good guesses.
         favourite = rng.random(n) < 0.5
-        spread[favourite] = rng.choice([0.0, np.pi / 6, np.pi / 3, np.pi / 2], favourite.sum())
-        spread = np.minimum(spread, np.deg2rad(s.spread_max_deg))
+        preshape[favourite] = self.preshapes.guess(int(favourite.sum()), rng)
         standoff = np.where(
             rng.random(n) < s.standoff_share, rng.uniform(0.0, s.standoff_max_m, n), 0.0
         )
         standoff[_first_of(n, s.n_seed)] = 0.0
-        return spread, standoff
+        return preshape, standoff
 
     def _posture_near(self, posture: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         s = self.settings
         n = len(posture)
         vary = ~_first_of(n, s.n_seed)
-        step = np.array([np.deg2rad(s.vary_spread_deg), s.vary_standoff_m])
-        posture = posture + vary[:, None] * step * rng.standard_normal((n, 2))
+        step = np.append(self.preshapes.step(s.vary_spread_deg), s.vary_standoff_m)
+        posture = posture + vary[:, None] * step * rng.standard_normal((n, len(step)))
         free = vary & (rng.random(n) < s.free_share)
-        posture[free] = np.stack(self._posture(n, rng), axis=1)[free]
-        limit = [np.deg2rad(s.spread_max_deg), s.standoff_max_m]
-        spread, standoff = np.clip(posture, 0.0, limit).T
-        return spread, standoff
+        posture[free] = np.column_stack(self._posture(n, rng))[free]
+        return self.preshapes.clip(posture[:, :-1]), np.clip(posture[:, -1], 0.0, s.standoff_max_m)
 
 
 def _first_of(n: int, n_seed: int) -> NDArray[np.bool_]:

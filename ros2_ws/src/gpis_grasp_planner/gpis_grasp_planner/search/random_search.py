@@ -7,8 +7,6 @@ first is what the local adaption buys.
 
 from __future__ import annotations
 
-import numpy as np
-
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.search.context import PlanningContext
 from gpis_grasp_planner.search.local_adaption import LocalAdaption
@@ -18,7 +16,7 @@ _BATCH = 32
 
 
 class RandomPalms:
-    """Plain random sampling: palm pose and spread at random, close, measure."""
+    """Plain random sampling: palm pose and pre-shape at random, close, measure."""
 
     finished = False
 
@@ -33,8 +31,8 @@ class RandomPalms:
         """Try a batch of random palms."""
         c = self._context
         X = self._space.domain.sample(_BATCH, c.rng)
-        spread = np.deg2rad(c.rng.uniform(0.0, c.settings.adaption.spread_max_deg, _BATCH))
-        c.archive.add(c.evaluator.attempt(self._space.poses(X) @ self._T_face_palm, spread))
+        preshape = c.preshapes.draw(_BATCH, c.rng)
+        c.archive.add(c.evaluator.attempt(self._space.poses(X) @ self._T_face_palm, preshape))
 
 
 class RandomWithAdaption:

@@ -13,7 +13,7 @@ The paper calls both pairs of angles theta and phi, though their ranges differ (
 [0, pi], phi_e in [0, 2 pi) on the ellipsoid); the suffix e keeps them apart. What lies at t is the
 middle of the palm's face, not the palm frame's origin in the flange 79 mm behind it.
 
-Two more coordinates may follow, the spread of the fingers [rad], if the hand has one, and the
+More coordinates may follow, the hand's pre-shape (of the Barrett the spread of its fingers) and the
 standoff [m]: how far the palm goes back from where it would touch. The paper leaves both to
 AutoGrasp and the ladder; but they decide as much about a grasp as the palm's pose, and left to
 chance they are noise to the model.
@@ -73,8 +73,8 @@ class PalmSearchSpace:
     adapt : callable, optional
         (n, 4, 4) -> (n, 4, 4), where a local adaption will move proposals. The model then sees
         the adapted pose: two proposals that end at one place are one point to it.
-    posture_upper : (p,) array_like, optional
-        Largest spread [rad], of a hand that has one, and standoff [m]. Given, they are the
+    posture_bounds : (2, p) array_like, optional
+        Ends of the pre-shape's motors [rad or m] and of the standoff [m]. Given, they are the
         coordinates from the seventh on.
     """
 
@@ -83,7 +83,7 @@ class PalmSearchSpace:
         bounds: Array,
         clearance_m: float,
         adapt: Callable[[Array], Array] | None = None,
-        posture_upper: ArrayLike | None = None,
+        posture_bounds: ArrayLike | None = None,
     ):
         self._adapt = adapt
         self._last: tuple[Array, Array] | None = None
@@ -95,15 +95,17 @@ class PalmSearchSpace:
         diagonal = float(np.linalg.norm(upper - lower))
         scale_bounds = [(0.05 * diagonal, diagonal + clearance_m), (0.2, 3.0)]
         groups = [0] * 3 + [1] * 9
-        upper_corner = list(_PALM_UPPER)
-        if posture_upper is not None:
-            uppers = [max(float(x), 1e-6) for x in np.asarray(posture_upper)]
-            scale_bounds += [(0.1 * upper, 3.0 * upper) for upper in uppers]
-            groups += range(2, 2 + len(uppers))
-            upper_corner += uppers
+        lower_corner, upper_corner = [0.0] * len(_PALM_UPPER), list(_PALM_UPPER)
+        if posture_bounds is not None:
+            ends = np.asarray(posture_bounds, dtype=float)
+            width = np.maximum(ends[1] - ends[0], 1e-6)
+            scale_bounds += [(0.1 * x, 3.0 * x) for x in width.tolist()]
+            groups += range(2, 2 + len(width))
+            lower_corner += ends[0].tolist()
+            upper_corner += (ends[0] + width).tolist()
         n = len(upper_corner)
         self.domain = BoxDomain(
-            np.zeros(n),
+            np.array(lower_corner),
             upper_corner,
             [*_PALM_PERIODIC, *[False] * (n - len(_PALM_PERIODIC))],
             features=self._features,
@@ -163,7 +165,7 @@ class PalmSearchSpace:
     def features_of(self, T_object_face: Array, posture: Array) -> Array:
         """Model features (n, 12 and more) of poses of the palm's face (n, 4, 4) and postures.
 
-        `posture` (n, p) are spread [rad] and standoff [m] as the space has them.
+        `posture` (n, p) are pre-shape and standoff [m] as the space has them.
         """
         return self._features_at(self._adapted(T_object_face), posture)
 

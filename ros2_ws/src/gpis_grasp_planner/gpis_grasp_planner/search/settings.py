@@ -6,8 +6,7 @@ and the compiled code, are imported by the planning process alone.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.settings import SettingsGroup, setting
@@ -39,7 +38,8 @@ class AdaptionSettings(SettingsGroup):
         12.0,
         low=0.0,
         high=180.0,
-        description="Seeds vary the spread by this where the model proposes one.",
+        description="Seeds vary the pre-shape (the Barrett's spread) by this where the model "
+        "proposes one.",
     )
     vary_standoff_m: float = setting(
         0.008,
@@ -51,7 +51,7 @@ class AdaptionSettings(SettingsGroup):
         0.6,
         low=0.0,
         high=1.0,
-        description="Share of the seeds that draw spread and standoff freely all the same.",
+        description="Share of the seeds that draw pre-shape and standoff freely all the same.",
     )
     tilt_share: float = setting(
         0.5,
@@ -61,7 +61,10 @@ class AdaptionSettings(SettingsGroup):
         "of the seeds whose palm is turned part of the way to it.",
     )
     spread_max_deg: float = setting(
-        180.0, low=0.0, high=180.0, description="Largest spread that seeds draw."
+        180.0,
+        low=0.0,
+        high=180.0,
+        description="Largest angle of the pre-shape (the Barrett's spread) that seeds draw.",
     )
 
 
@@ -114,7 +117,7 @@ class HppSettings(SettingsGroup):
     )
     model_posture: bool = setting(
         True,
-        description="The model also proposes spread and standoff; without (the paper's form) "
+        description="The model also proposes pre-shape and standoff; without (the paper's form) "
         "the seeds of the local adaption draw them.",
     )
     learn_feasibility: bool = setting(
@@ -165,7 +168,7 @@ class RefinementSettings(SettingsGroup):
         15.0, low=0.0, high=90.0, description="Largest standard deviation of a rotation."
     )
     step_spread_deg: float = setting(
-        25.0, low=0.0, high=180.0, description="Largest standard deviation of the spread."
+        25.0, low=0.0, high=180.0, description="Largest standard deviation of the pre-shape."
     )
     tournament_share: float = setting(
         0.38,
@@ -295,8 +298,3 @@ class SearchSettings:
     dual: DualSettings = field(default_factory=DualSettings)
     contacts: ContactSettings = field(default_factory=ContactSettings)
     admm: AdmmCpSettings = field(default_factory=AdmmCpSettings)
-
-    def with_spread_up_to(self, spread_upper: float) -> SearchSettings:
-        """For a hand whose spread ends there [rad]; 0 for one without."""
-        limit = min(self.adaption.spread_max_deg, math.degrees(spread_upper))
-        return replace(self, adaption=replace(self.adaption, spread_max_deg=limit))

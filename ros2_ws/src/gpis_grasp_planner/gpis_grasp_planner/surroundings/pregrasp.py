@@ -23,13 +23,14 @@ from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.hand_motion import HandPieces, shifted
-from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import (
     joints_from_motors,
     motors_from_joints,
     reachable,
     touch_motors,
 )
+from gpis_grasp_planner.hand.finger import Finger
 from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh
 
@@ -72,15 +73,15 @@ def narrow_pregrasp(
         return []
     opened = np.stack([g.pregrasp_joints for g in grasps])
     closed = np.stack([g.joints for g in grasps])
-    spread, start = motors_from_joints(hand, opened)
-    held = closed[:, hand.finger_joints[:, :-1]]
+    preshape, start = motors_from_joints(hand, opened)
+    held = hand.of_fingers(closed)[..., :-1]
     touch = touch_motors(hand, closed)
     _, end = motors_from_joints(hand, closed)
     motors = start.copy()
     can = (end > start) & reachable(hand, opened)[:, None]
 
     def free(trial: Array, asked: NDArray[np.bool_], approach: bool) -> NDArray[np.bool_]:
-        joints = joints_from_motors(hand, spread, trial, held)
+        joints = joints_from_motors(hand, preshape, trial, held)
         return _fingers_are_free(hand, grasps, joints, tree, clearance_m, asked, approach)
 
     step = _STEP_RAD * hand.closing_unit
@@ -108,7 +109,7 @@ def narrow_pregrasp(
         moved = wider < motors - 1e-9
         as_free = free(wider, moved, approach=True) | ~moved
         motors = np.where(as_free.all(axis=1, keepdims=True), wider, motors)
-    narrow = joints_from_motors(hand, spread, motors, held)
+    narrow = joints_from_motors(hand, preshape, motors, held)
     return [
         grasp if _fingers_meet(hand, joints) else replace(grasp, pregrasp_joints=joints)
         for grasp, joints in zip(grasps, narrow, strict=True)
@@ -135,15 +136,15 @@ def timed_pregrasp(
         return []
     opened = np.stack([g.pregrasp_joints for g in grasps])
     closed = np.stack([g.joints for g in grasps])
-    spread, start = motors_from_joints(hand, opened)
+    preshape, start = motors_from_joints(hand, opened)
     _, end = motors_from_joints(hand, closed)
-    held = closed[:, hand.finger_joints[:, :-1]]
+    held = hand.of_fingers(closed)[..., :-1]
     touch = touch_motors(hand, closed)
     touches = _touching(hand, grasps) & reachable(hand, opened)[:, None]
     way = np.where(touches, np.minimum(touch, end) - start, np.inf)
     later = np.where(touches, way - way.min(axis=1, keepdims=True), 0.0)
     moved = later > 1e-9
-    joints = joints_from_motors(hand, spread, start + np.where(moved, later, 0.0), held)
+    joints = joints_from_motors(hand, preshape, start + np.where(moved, later, 0.0), held)
     free = _fingers_are_free(hand, grasps, joints, tree, clearance_m, moved, True) | ~moved
     better = np.asarray(free.all(axis=1) & moved.any(axis=1))
     return [
@@ -163,7 +164,7 @@ def arrival_spread_s(hand: HandDescription, grasp: Grasp) -> float:
     _, start = motors_from_joints(hand, grasp.pregrasp_joints)
     _, end = motors_from_joints(hand, grasp.joints)
     touch = touch_motors(hand, grasp.joints)[0]
-    times = (np.minimum(touch, end[0]) - start[0]) / hand.drive.motor_speed[1:]
+    times = (np.minimum(touch, end[0]) - start[0]) / hand.drive.motor_speed
     return float(np.ptp(times[touches])) if touches.sum() > 1 else 0.0
 
 

@@ -1,7 +1,7 @@
 """What a physics engine has to do for trials: one protocol, and the door by which engines come.
 
-An engine knows one part and one hand. The world's frame is the palm; palm and spread do not move.
-How a hand closes, when a part is let go and what counts as held is decided above it
+An engine knows one part and one hand. The world's frame is the palm; neither it nor the pre-shape
+moves. How a hand closes, when a part is let go and what counts as held is decided above it
 (:mod:`~gpis_grasp_planner.verification.trial_world`,
 :mod:`~gpis_grasp_planner.verification.protocol`), the same for every engine.
 """

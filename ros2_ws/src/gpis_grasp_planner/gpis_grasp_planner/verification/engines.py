@@ -79,10 +79,8 @@ def _load_bullet(hand: HandDescription) -> None:
     link_hulls(hand)
 
 
-def _load_mujoco(hand: HandDescription) -> None:
-    from gpis_grasp_planner.verification.mujoco.model import spread_joints
-
-    spread_joints(hand)  # the import is what is wanted
+def _load_mujoco(_: HandDescription) -> None:
+    import gpis_grasp_planner.verification.mujoco.model  # noqa: F401, the import is what is wanted
 
 
 _MAKERS: dict[str, Callable[[HandDescription, Part, VerificationSettings], Engine]] = {

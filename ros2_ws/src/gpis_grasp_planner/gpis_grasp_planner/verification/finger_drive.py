@@ -21,7 +21,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from gpis_grasp_planner.hand.description import Finger, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.finger import Finger
 from gpis_grasp_planner.quality.closing_balance import tip_arms
 from gpis_grasp_planner.verification.engine import Engine
 from gpis_grasp_planner.verification.settings import VerificationSettings
@@ -170,7 +171,7 @@ class FingerDrive:
 
     def _go_on(self, row: int, angles: Sequence[float]) -> None:
         """Hold the joints before a row, which moves from where the finger is."""
-        ratio = self._drive.closing_ratio[row]
+        ratio = self.finger.closing_ratio[row]
         base = tuple(float(q - r * angles[row]) for q, r in zip(angles, ratio, strict=True))
         phase = Phase.CURLING if row == self._n - 1 else Phase.CLOSING
         held = self._state.held + tuple(angles[len(self._state.held) : row])
@@ -185,12 +186,12 @@ class FingerDrive:
         last = row == self._n - 1 and self._n > 1
         self._lead(self.tip_torque[row] if last else self.breakaway_torque[row], self._speed())
         for k in range(row + 1, self._n):
-            speed = self._speed() * float(self._drive.closing_ratio[row, k])
+            speed = self._speed() * float(self.finger.closing_ratio[row, k])
             self.engine.motor(self._joints[k], speed, self.hold_torque[k])
 
     def _speed(self) -> float:
         """Of the leading joint: the motor's is the same in all rows [rad/s]."""
-        travel = self._drive.row_travel
+        travel = self.finger.closing_ratio.sum(axis=1)
         return self.speed * float(travel[0] / travel[self._state.row])
 
     def _lead(self, torque: float, speed: float) -> None:
@@ -204,7 +205,7 @@ class FingerDrive:
         """Keep the joints outwards of the leading one to their ratios."""
         state = self._state
         for k in range(state.row + 1, self._n):
-            ratio = float(self._drive.closing_ratio[state.row, k])
+            ratio = float(self.finger.closing_ratio[state.row, k])
             speed = self._speed() if state.phase is Phase.CLOSING else 0.0
             wanted = state.base[k] + ratio * angles[state.row]
             self.engine.motor(

@@ -87,12 +87,12 @@ class Reach:
             end[list(finger.joints)] += allowance.farther_rad * unit
         end = np.minimum(np.maximum(start, end), self.hand.joint_upper)
         if self.hand.drive.advances_at_stop:  # joints move one after the other
-            held = np.array(closed, dtype=float)[None, self.hand.finger_joints[:, :-1]]
-            spread, first = motors_from_joints(self.hand, start)
+            held = self.hand.of_fingers(np.array(closed, dtype=float))[None, :, :-1]
+            shape, first = motors_from_joints(self.hand, start)
             _, last = motors_from_joints(self.hand, closed)
             share = np.linspace(0.0, 1.0, _POSTURES_BY_ROWS)[:, None]
             motors = first + share * (last - first)
-            law = joints_from_motors(self.hand, np.full(len(motors), spread[0]), motors, held)
+            law = joints_from_motors(self.hand, np.repeat(shape, len(motors), 0), motors, held)
             way = np.concatenate([end[None], law])
         else:
             way = end + np.linspace(1.0, 0.0, _POSTURES)[:, None] ** 2 * (start - end)

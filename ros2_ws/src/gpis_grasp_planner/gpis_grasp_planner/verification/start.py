@@ -62,11 +62,11 @@ class StartFinder:
         """
         joints = np.array(pregrasp_joints, dtype=float)
         drive = self.hand.drive
-        _, start = motors_from_joints(self.hand, joints)
+        shape, start = motors_from_joints(self.hand, joints)
         for index, finger in enumerate(self.hand.fingers):
             unit = self.hand.closing_unit[index]
             if drive.advances_at_stop:
-                first, upper = float(start[0, index]), float(drive.motor_upper[1 + index])
+                first, upper = float(start[0, index]), float(drive.motor_upper[index])
             else:  # by the first row alone
                 first = float(pregrasp_joints[finger.inner_joint])
                 upper = float(self.hand.joint_upper[finger.inner_joint])
@@ -76,9 +76,10 @@ class StartFinder:
             if drive.advances_at_stop:
                 motors = np.zeros((len(travel), len(self.hand.fingers)))
                 motors[:, index] = travel
-                law = joints_from_motors(self.hand, np.zeros(len(travel)), motors)[:, members]
+                shapes = np.repeat(shape, len(travel), axis=0)
+                law = joints_from_motors(self.hand, shapes, motors)[:, members]
             else:
-                law = travel[:, None] * drive.closing_ratio[0]
+                law = travel[:, None] * finger.closing_ratio[0]
             closing[:, members] = np.maximum(law, joints[members])
             near = self.clearance(T_object_palm, closing, list(finger.links))
             met = np.flatnonzero(near < _CLEARANCE_M)
@@ -93,11 +94,11 @@ class StartFinder:
         As :meth:`start_joints`, but the fingers keep their leads: who comes first comes first.
         """
         hand, drive = self.hand, self.hand.drive
-        spread, start = motors_from_joints(hand, np.array(pregrasp_joints, dtype=float))
-        upper = np.asarray(drive.motor_upper[1:], dtype=float)
+        shape, start = motors_from_joints(hand, np.array(pregrasp_joints, dtype=float))
+        upper = np.asarray(drive.motor_upper, dtype=float)
         way = np.arange(0.0, float(upper.max()), _TRAVEL_STEP_RAD)[:, None] * hand.closing_unit
         motors = np.minimum(start + way, np.maximum(upper, start))
-        closing = joints_from_motors(hand, np.repeat(spread, len(way)), motors)
+        closing = joints_from_motors(hand, np.repeat(shape, len(way), axis=0), motors)
         links = [link for finger in hand.fingers for link in finger.links]
         met = np.flatnonzero(self.clearance(T_object_palm, closing, links) < _CLEARANCE_M)
         last = max(int(met[0]) - 1, 0) if len(met) else len(way) - 1

@@ -58,7 +58,7 @@ class _Hands:
     """Hands about sets of contacts: poses (n, 4, 4), rows of a table of grips, what they cost."""
 
     T_object_palm: Array
-    spread: Array
+    preshape: Array
     joints: Array
     cell: Index
     owner: Index
@@ -75,8 +75,8 @@ class _Hands:
 class ContactFirst:
     """Closes hands about sets of contacts.
 
-    Which grips (sides and spread) close well on this part is learnt on the way: they are drawn the
-    more often.
+    Which grips (sides and pre-shape) close well on this part is learnt on the way: they are drawn
+    the more often.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class ContactFirst:
         self._context = context
         self._settings = context.settings.contacts
         self._fitting = HandFitting(context)
-        self._spread_max = float(np.deg2rad(context.settings.adaption.spread_max_deg))
+        self._max_deg = context.settings.adaption.spread_max_deg
         self._tried = np.zeros(0)
         self._worth = np.zeros(0)
 
@@ -112,14 +112,14 @@ class ContactFirst:
         T, free = self._context.evaluator.clear_palm(
             hands.T_object_palm,
             -hands.T_object_palm[:, :3, 2],
-            hands.spread,
-            np.zeros(len(hands.spread)),
+            hands.preshape,
+            np.zeros(len(hands.preshape)),
         )
         # An open hand that overlaps the part has to go back, and leaves its contacts.
         back = np.linalg.norm((T - hands.T_object_palm)[:, :3, 3], axis=1)
         kept = np.flatnonzero(free & (back < _BACK_M))[: n_sets * self._settings.n_seed]
         hands = hands.only(kept)
-        attempts = self._fitting.attempt(T[kept], hands.spread, hands.joints)
+        attempts = self._fitting.attempt(T[kept], hands.preshape, hands.joints)
         self._context.archive.add(attempts)
         self._learn(hands.cell, attempts.objective(self._context.objective))
         return attempts, hands.owner
@@ -184,11 +184,11 @@ class ContactFirst:
 
     @cached_property
     def _pinches(self) -> Pinches:
-        return pinches(self._context.hand, self._spread_max)
+        return pinches(self._context.hand, self._max_deg)
 
     @cached_property
     def _triads(self) -> Triads | None:
-        return triads(self._context.hand, self._spread_max)
+        return triads(self._context.hand, self._max_deg)
 
     def _about_pairs(self, pairs: ContactSets, drawn: Index) -> _Hands:
         """Hands of as many postures and rolls about each of the drawn pairs."""
@@ -206,7 +206,7 @@ class ContactFirst:
         T = transform(R, 0.5 * (p + q) - np.einsum("nij,nj->ni", R, table.middle[rows]))
         cost = self._cost(T, table.points[rows], table.normals[rows], table.used[rows])
         owner = np.repeat(np.arange(len(drawn)), _ROLLS)
-        return _Hands(T, table.spread[rows], table.joints[rows], table.cell[rows], owner, cost)
+        return _Hands(T, table.preshape[rows], table.joints[rows], table.cell[rows], owner, cost)
 
     def _rolled(self, R: Array, axis: Array) -> Array:
         """Rotations (n, 3, 3) rolled about axes (n, 3): anyhow, or to come from where one may."""
@@ -238,7 +238,7 @@ class ContactFirst:
         cost = self._cost(T, table.points[rows], table.normals[rows], used)
         owner = np.repeat(np.arange(len(drawn)), len(_ORDERS) * _NEIGHBOURS)
         cell = self._first_triad + table.cell[rows]
-        return _Hands(T, table.spread[rows], table.joints[rows], cell, owner, cost)
+        return _Hands(T, table.preshape[rows], table.joints[rows], cell, owner, cost)
 
     def _cost(self, T: Array, points: Array, normals: Array, used: NDArray[np.bool_]) -> Array:
         """How badly hands (n) touch the part with their places (n, S, 3): (n,), 0 is best."""

@@ -29,11 +29,13 @@ from scipy.spatial import cKDTree
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.drive import joints_from_motors
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.search.preshape_range import PreshapeRange
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_SPREADS = 9
+_PRESHAPES = {0: 1, 1: 9, 2: 4}  # values a motor, by the number of motors
+_FEWEST_PRESHAPES = 3
 _MOTORS = 12
 _FACING = np.cos(np.deg2rad(35.0))  # how well both sides' normals face each other
 _NARROWEST_M = 1e-3
@@ -50,11 +52,11 @@ class Pinches:
         Distance of the sides, ascending.
     middle, axis : (n, 3) arrays
         Midpoint [m] and unit direction from the first side to the second, palm frame.
-    spread : (n,) array [rad]
+    preshape : (n, S) array [rad or m]
     joints : (n, J) array [rad]
         The posture; fingers that are not of the pinch are nearly closed.
     cell : (n,) int array
-        Grips of the same sides and spread have the same number.
+        Grips of the same sides and pre-shape have the same number.
     points, normals : (n, S, 3) arrays
         The places of contact of both sides [m], and the hand's outward normals there, palm frame.
     used : (n, S) bool array
@@ -64,7 +66,7 @@ class Pinches:
     width: Array
     middle: Array
     axis: Array
-    spread: Array
+    preshape: Array
     joints: Array
     cell: Index
     points: Array
@@ -85,7 +87,7 @@ class Triads:
     ----------
     points, normals : (n, 3, 3) arrays
         Places of contact [m] and the hand's outward normals there, palm frame.
-    spread : (n,) array [rad]
+    preshape : (n, S) array [rad or m]
     joints : (n, J) array [rad]
     cell : (n,) int array
         As for `Pinches`.
@@ -95,7 +97,7 @@ class Triads:
 
     points: Array
     normals: Array
-    spread: Array
+    preshape: Array
     joints: Array
     cell: Index
     tree: cKDTree
@@ -103,7 +105,7 @@ class Triads:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Places of contact of fingers over spreads (S) and motors (M), as (S, M, K, 3)."""
+    """Places of contact of fingers over pre-shapes (C) and motors (M), as (C, M, K, 3)."""
 
     points: Array
     normals: Array
@@ -116,9 +118,9 @@ def triangle_sides(points: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def pinches(hand: HandDescription, spread_max: float) -> Pinches:
-    """All pinches of a hand with spreads up to `spread_max` [rad]; cached, some 50 ms at first."""
-    spreads, fingers, palm = _places(hand, spread_max)
+def pinches(hand: HandDescription, max_deg: float) -> Pinches:
+    """All pinches of a hand (`PreshapeRange.of`); cached, some 50 ms at first."""
+    preshapes, fingers, palm = _places(hand, max_deg)
     sides = [(np.array([f]), np.array([g])) for f, g in combinations(range(len(fingers)), 2)]
     if len(fingers) > 2:
         every = np.arange(len(fingers))
@@ -126,9 +128,9 @@ def pinches(hand: HandDescription, spread_max: float) -> Pinches:
     facing = [(_side(fingers, a), _side(fingers, b)) for a, b in sides]
     if palm is not None:
         facing.append((palm, _side(fingers, np.arange(len(fingers)))))
-    made = [_between(hand, spreads, a, b) for a, b in facing]
+    made = [_between(hand, preshapes, a, b) for a, b in facing]
     for kind, table in enumerate(made):
-        table["cell"] += kind * len(spreads)
+        table["cell"] += kind * len(preshapes)
     n_places = max(table["points"].shape[1] for table in made)
     for table in made:
         missing = n_places - table["points"].shape[1]
@@ -141,24 +143,24 @@ def pinches(hand: HandDescription, spread_max: float) -> Pinches:
 
 
 @lru_cache(maxsize=8)
-def triads(hand: HandDescription, spread_max: float) -> Triads | None:
+def triads(hand: HandDescription, max_deg: float) -> Triads | None:
     """Three fingers on their outermost places; None for a hand of fewer. Cached, some 20 ms."""
-    spreads, fingers, _ = _places(hand, spread_max)
+    preshapes, fingers, _ = _places(hand, max_deg)
     if len(fingers) < 3:
         return None
-    points, normals, spread, joints, cell = [], [], [], [], []
+    points, normals, preshape, joints, cell = [], [], [], [], []
     motors = np.stack(np.meshgrid(*[np.arange(_MOTORS)] * 3, indexing="ij"), -1).reshape(-1, 3)
     for chosen in combinations(range(len(fingers)), 3):
         for place in (-1, -2):
-            for s, value in enumerate(spreads):
+            for s, value in enumerate(preshapes):
                 of = [fingers[f] for f in chosen]
                 p = [places.points[s, m, place] for places, m in zip(of, motors.T, strict=True)]
                 n = [places.normals[s, m, place] for places, m in zip(of, motors.T, strict=True)]
                 points.append(np.stack(p, axis=1))
                 normals.append(np.stack(n, axis=1))
-                spread.append(np.full(len(motors), value))
+                preshape.append(np.tile(value, (len(motors), 1)))
                 joints.append(
-                    _joints(hand, spread[-1], {f: motors[:, k] for k, f in enumerate(chosen)})
+                    _joints(hand, preshape[-1], {f: motors[:, k] for k, f in enumerate(chosen)})
                 )
                 cell.append(np.full(len(motors), s))
     joined, outward = np.concatenate(points), np.concatenate(normals)
@@ -168,7 +170,7 @@ def triads(hand: HandDescription, spread_max: float) -> Triads | None:
     return Triads(
         joined[keep],
         outward[keep],
-        np.concatenate(spread)[keep],
+        np.concatenate(preshape)[keep],
         np.concatenate(joints)[keep],
         np.concatenate(cell)[keep],
         cKDTree(triangle_sides(joined[keep])),
@@ -177,58 +179,60 @@ def triads(hand: HandDescription, spread_max: float) -> Triads | None:
 
 def _motors(hand: HandDescription) -> Array:
     """Angles (M, F) [rad] of the finger motors that the tables look at."""
-    low, high = hand.drive.motor_lower[1:], hand.drive.motor_upper[1:]
+    low, high = hand.drive.motor_lower, hand.drive.motor_upper
     return np.asarray(low + np.linspace(0.0, 1.0, _MOTORS)[:, None] * (high - low))
 
 
-def _joints(hand: HandDescription, spread: Array, steps: Mapping[int, Index]) -> Array:
+def _joints(hand: HandDescription, preshape: Array, steps: Mapping[int, Index]) -> Array:
     """Postures (n, J) [rad]: fingers with their motor at steps (n,), the others nearly closed."""
     motors = _motors(hand)
-    chosen = np.tile(_IDLE * motors[-1], (len(spread), 1))
+    chosen = np.tile(_IDLE * motors[-1], (len(preshape), 1))
     for finger, step in steps.items():
         chosen[:, finger] = motors[step, finger]
-    return joints_from_motors(hand, spread, chosen)
+    return joints_from_motors(hand, preshape, chosen)
 
 
-def _places(
-    hand: HandDescription, spread_max: float
-) -> tuple[Array, list[_Places], _Places | None]:
-    """Spreads (S,), the places of each finger, and the palm's if it has any."""
-    drive, wanted = hand.drive, hand.desired_contacts
-    low, high = drive.motor_lower[0], min(spread_max, drive.motor_upper[0])
-    spreads = np.linspace(low, high, _SPREADS if high > low else 1)
-    spread = np.repeat(spreads, _MOTORS)
-    motors = np.tile(_motors(hand), (len(spreads), 1))
-    T = link_transforms(hand, joints_from_motors(hand, spread, motors))
+def _places(hand: HandDescription, max_deg: float) -> tuple[Array, list[_Places], _Places | None]:
+    """Pre-shapes (C, S), the places of each finger, and the palm's if it has any."""
+    wanted = hand.desired_contacts
+    values = _PRESHAPES.get(len(hand.preshape), _FEWEST_PRESHAPES)
+    preshapes = PreshapeRange.of(hand, max_deg).grid(values)
+    preshape = np.repeat(preshapes, _MOTORS, axis=0)
+    motors = np.tile(_motors(hand), (len(preshapes), 1))
+    T = link_transforms(hand, joints_from_motors(hand, preshape, motors))
     T = T[:, wanted.links]
     points = np.einsum("bkij,kj->bki", T[:, :, :3, :3], wanted.points) + T[:, :, :3, 3]
     normals = np.einsum("bkij,kj->bki", T[:, :, :3, :3], wanted.normals)
-    points, normals = (x.reshape(len(spreads), _MOTORS, -1, 3) for x in (points, normals))
+    points, normals = (x.reshape(len(preshapes), _MOTORS, -1, 3) for x in (points, normals))
     fingers = []
     for number, finger in enumerate(hand.fingers):
         own = np.isin(wanted.links, finger.links)
         fingers.append(_Places(points[:, :, own], normals[:, :, own], np.array([number])))
     on_palm = wanted.links == hand.link_names.index(hand.palm_link)
     if not on_palm.any():
-        return spreads, fingers, None
+        return preshapes, fingers, None
     middle = [x[:, :1, on_palm].mean(axis=2, keepdims=True) for x in (points, normals)]
     none = np.array([], dtype=np.intp)
-    return spreads, fingers, _Places(middle[0][:, :, None], _unit(middle[1])[:, :, None], none)
+    return preshapes, fingers, _Places(middle[0][:, :, None], _unit(middle[1])[:, :, None], none)
 
 
 def _side(fingers: list[_Places], chosen: Index) -> _Places:
-    """Fingers that move together, their places in a further axis (S, M, K, n, 3)."""
+    """Fingers that move together, their places in a further axis (C, M, K, n, 3).
+
+    Of fingers that differ in their number of places the outermost that all of them have.
+    """
+    k = min(fingers[f].points.shape[2] for f in chosen)
     return _Places(
-        np.stack([fingers[f].points for f in chosen], axis=3),
-        np.stack([fingers[f].normals for f in chosen], axis=3),
+        np.stack([fingers[f].points[:, :, -k:] for f in chosen], axis=3),
+        np.stack([fingers[f].normals[:, :, -k:] for f in chosen], axis=3),
         chosen,
     )
 
 
 def _between(
-    hand: HandDescription, spreads: Array, first: _Places, second: _Places
+    hand: HandDescription, preshapes: Array, first: _Places, second: _Places
 ) -> dict[str, NDArray[Any]]:
-    """Columns of `Pinches` for two sides (S, M, K, n, 3) that face each other."""
+    """Columns of `Pinches` for two sides (C, M, K, n, 3) that face each other."""
     a, b = first.points.mean(axis=3), second.points.mean(axis=3)
     na, nb = _unit(first.normals.mean(axis=3)), _unit(second.normals.mean(axis=3))
     s, m, k = a.shape[:3]
@@ -251,8 +255,8 @@ def _between(
         "width": width[i, p, q],
         "middle": middle,
         "axis": axis[i, p, q],
-        "spread": spreads[i],
-        "joints": _joints(hand, spreads[i], steps),
+        "preshape": preshapes[i],
+        "joints": _joints(hand, preshapes[i], steps),
         "cell": i,
         "points": points,
         "normals": np.concatenate([firsts[1], seconds[1]], axis=1),

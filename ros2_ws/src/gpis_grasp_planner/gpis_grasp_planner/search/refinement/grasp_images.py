@@ -59,8 +59,8 @@ class GraspImages:
             T = T[[_key(image) not in self._known for image in T]]
             if len(T):
                 self._known.update(_key(image) for image in T)
-                spread = np.full(len(T), grasp.spread)
-                context.archive.add(self._fitting.attempt(T, spread))
+                preshape = np.tile(grasp.preshape, (len(T), 1))
+                context.archive.add(self._fitting.attempt(T, preshape))
                 return True
         return False
 

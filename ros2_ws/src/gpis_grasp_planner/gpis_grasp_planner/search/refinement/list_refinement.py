@@ -46,7 +46,7 @@ class ListRefinement:
         if not self._queue:
             return False
         grasp = self._queue.pop()
-        _, _, best = self._neighbourhood.attempt(grasp.T_object_palm, grasp.spread)
+        _, _, best = self._neighbourhood.attempt(grasp.T_object_palm, grasp.preshape)
         failures = 0 if best > grasp.objective else self._failures.get(grasp, 0) + 1
         self._failures[grasp] = min(failures, _MOST_FAILURES)
         self._rests[grasp] = 2 ** self._failures[grasp] - 1

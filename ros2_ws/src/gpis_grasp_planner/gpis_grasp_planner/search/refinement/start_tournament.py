@@ -36,7 +36,7 @@ class _Run:
     """One start: where it has got to, and where it goes on."""
 
     T_object_palm: Array
-    spread: float
+    preshape: Array
     objective: float
 
 
@@ -60,10 +60,10 @@ class StartTournament:
         self._now: tuple[int, int] | None = None
         self._turns_left = 0
         self._T = np.zeros((0, 4, 4))
-        self._spread = np.zeros(0)
+        self._preshape = np.zeros((0, len(context.preshapes)))
         self._objective = np.zeros(0)
         self._taken_T = np.zeros((0, 4, 4))
-        self._taken_spread = np.zeros(0)
+        self._taken_preshape = np.zeros((0, len(context.preshapes)))
 
     @property
     def n_starts(self) -> int:
@@ -75,7 +75,7 @@ class StartTournament:
         objective = attempts.objective(self._objective_of)
         good = objective > 0.0
         self._T = np.concatenate([self._T, attempts.T_object_palm[good]])
-        self._spread = np.concatenate([self._spread, attempts.spread[good]])
+        self._preshape = np.concatenate([self._preshape, attempts.preshape[good]])
         self._objective = np.concatenate([self._objective, objective[good]])
         if len(self._objective) > 2 * _POOL:
             self._keep(np.argsort(-self._objective, kind="stable")[:_POOL])
@@ -87,9 +87,9 @@ class StartTournament:
         assert self._now is not None
         start, rung = self._now
         run = self._runs[start]
-        T, spread, objective = self._neighbourhood.attempt(run.T_object_palm, run.spread)
+        T, preshape, objective = self._neighbourhood.attempt(run.T_object_palm, run.preshape)
         if objective > run.objective:
-            run.T_object_palm, run.spread, run.objective = T, spread, objective
+            run.T_object_palm, run.preshape, run.objective = T, preshape, objective
         self._turns_left -= 1
         if self._turns_left == 0:
             self._halving.report(start, rung, run.objective)
@@ -110,28 +110,28 @@ class StartTournament:
         for _ in range(min(_DRAWS, len(self._objective))):
             n = len(self._objective)
             k = int(self._rng.choice(n, p=self._objective / self._objective.sum()))
-            T, spread, objective = self._T[k], float(self._spread[k]), float(self._objective[k])
+            T, preshape, objective = self._T[k], self._preshape[k], float(self._objective[k])
             self._keep(np.delete(np.arange(n), k))
-            if not self._is_taken(T, spread):
-                self._runs.append(_Run(T, spread, objective))
+            if not self._is_taken(T, preshape):
+                self._runs.append(_Run(T, preshape, objective))
                 self._taken_T = np.concatenate([self._taken_T, T[None]])
-                self._taken_spread = np.append(self._taken_spread, spread)
+                self._taken_preshape = np.concatenate([self._taken_preshape, preshape[None]])
                 return len(self._runs) - 1, 0
         return None
 
-    def _is_taken(self, T: Array, spread: float) -> bool:
+    def _is_taken(self, T: Array, preshape: Array) -> bool:
         if not self._runs:
             return False
         now_T = np.stack([run.T_object_palm for run in self._runs])
-        now_spread = np.array([run.spread for run in self._runs])
+        now_preshape = np.array([run.preshape for run in self._runs])
         steps = self._neighbourhood.steps_between(
             np.concatenate([self._taken_T, now_T]),
-            np.concatenate([self._taken_spread, now_spread]),
+            np.concatenate([self._taken_preshape, now_preshape]),
             T,
-            spread,
+            preshape,
         )
         return bool(np.any(steps < self._settings.tournament_apart))
 
     def _keep(self, rows: NDArray[np.intp]) -> None:
-        self._T, self._spread = self._T[rows], self._spread[rows]
+        self._T, self._preshape = self._T[rows], self._preshape[rows]
         self._objective = self._objective[rows]

@@ -1,7 +1,7 @@
 """Hand and object as Bullet's dynamics takes them.
 
 The fingers are one multi-body with a fixed base: their closing joints, no more is simulated. Palm
-and knuckles do not move and are fixed bodies; the spread is set before (its worm drive holds it).
+and knuckles do not move and are fixed bodies; the pre-shape is set before (its drive holds it).
 PyBullet gives every link a collision margin of 1 mm that cannot be changed, so the links' hulls
 are made 1 mm smaller: together they have the link's faces where they are, with edges rounded by
 1 mm. A margin also keeps Bullet's contacts out of its deep-penetration case.
@@ -52,7 +52,7 @@ class HandBodies:
     fingers : int
         The multi-body of the moving links.
     joint_of : dict
-        Index of the hand's joint to PyBullet's joint; the spread joints have none.
+        Index of the hand's joint to PyBullet's joint; the pre-shape's have none.
     link_of : dict
         (body, PyBullet's link) to the hand's link.
     """
@@ -129,7 +129,7 @@ def fewest_vertices(points: Array, tolerance: float) -> Array:
 
 
 def add_hand(
-    client: BulletClient, hand: HandDescription, hulls: Sequence[Sequence[Array]], spread: Array
+    client: BulletClient, hand: HandDescription, hulls: Sequence[Sequence[Array]], posture: Array
 ) -> HandBodies:
     """Put a hand into a client, its palm frame at the origin, fingers open.
 
@@ -141,14 +141,12 @@ def add_hand(
     hand : HandDescription
     hulls : hull vertices per link and piece
         Of :func:`link_hulls`.
-    spread : (J,) array [rad]
-        Joint angles of which only the spread joints' count.
+    posture : (J,) array [rad]
+        Of which only the pre-shape's joints count.
     """
     moving = [link for finger in hand.fingers for link in finger.links]
     joints = np.zeros(hand.n_joints)
-    for finger in hand.fingers:
-        if finger.spread_joint >= 0:
-            joints[finger.spread_joint] = spread[finger.spread_joint]
+    joints[hand.preshape.joints] = posture[hand.preshape.joints]
     poses = link_transforms(hand, joints)[0]
     link_of: dict[tuple[int, int], int] = {}
     for link in range(hand.n_links):

@@ -29,7 +29,6 @@ from gpis_grasp_planner.verification.mujoco.model import (
     PLANE_GEOM,
     build_model,
     link_body,
-    spread_joints,
 )
 from gpis_grasp_planner.verification.settings import VerificationSettings
 
@@ -64,7 +63,7 @@ class MujocoEngine:
         self._moving = [
             joint
             for joint in (int(hand.link_joint[link]) for link in range(hand.n_links))
-            if joint >= 0 and joint not in spread_joints(hand)
+            if joint >= 0 and joint not in hand.preshape.joints
         ]
 
     def __enter__(self) -> Self:
@@ -111,12 +110,12 @@ class MujocoEngine:
         """Put the part at a pose and the hand at joint angles (J,) [rad], all at rest."""
         model, data = self.model, self.data
         posture = np.zeros(self.hand.n_joints)
-        for joint in spread_joints(self.hand):
-            posture[joint] = joints[joint]
+        held = self.hand.preshape.joints
+        posture[held] = joints[held]
         poses = link_transforms(self.hand, posture)[0]
         for link in range(self.hand.n_links):
             parent = int(self.hand.link_parent[link])
-            if int(self.hand.link_joint[link]) in spread_joints(self.hand):
+            if int(self.hand.link_joint[link]) in held:
                 position, quat_xyzw = to_position_quat_xyzw(inverse(poses[parent]) @ poses[link])
                 model.body_pos[self._bodies[link]] = position
                 model.body_quat[self._bodies[link]] = np.roll(quat_xyzw, 1)

@@ -1,8 +1,8 @@
 """Hand and part as a MuJoCo model, made from the hand's description.
 
 The world's frame is the palm. Knuckles are bodies of their own, so that a model that is compiled
-once takes every spread: their poses are set in the model. Each moving joint has a motor that goes
-at a speed with a torque at most, and friction for gears that hold. Hand links do not meet each
+once takes every pre-shape: their poses are set in the model. Each moving joint has a motor that
+goes at a speed with a torque at most, and friction for gears that hold. Hand links do not meet each
 other: the planner answers no grasp in which they would.
 """
 
@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
-from gpis_grasp_planner.hand.description import SLIDING_LEVER_M, HandDescription
+from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ def build_model(
             name = f"link {link}, {number}"
             _add_hull(spec, body, name, piece.vertices, _HAND)
         joint = int(hand.link_joint[link])
-        if joint >= 0 and joint not in spread_joints(hand):
+        if joint >= 0 and joint not in hand.preshape.joints:
             _add_joint(spec, body, hand, link)
     part = spec.worldbody.add_body(name=PART_BODY)
     part.add_freejoint()
@@ -117,11 +118,6 @@ def _add_plane(spec: mujoco.MjSpec, part: mujoco.MjsBody, hull: Array) -> None:
         solref=(_CONTACT_TIME_S, 1.0),
         solimp=_CONTACT_IMPEDANCE,
     )
-
-
-def spread_joints(hand: HandDescription) -> set[int]:
-    """Joints that do not move in a trial: their gears hold them."""
-    return {finger.spread_joint for finger in hand.fingers if finger.spread_joint >= 0}
 
 
 def _set_pose(body: mujoco.MjsBody, T: Array) -> None:
