@@ -213,7 +213,10 @@ def in_processes(task: Any, arguments: list[Any]) -> list[Any]:
     """Run a task in spawned processes; all rows that they return."""
     context = multiprocessing.get_context("spawn")
     with context.Pool(len(arguments)) as pool:
-        return [row for rows in pool.map(task, arguments) for row in rows]
+        rows = [row for rows in pool.map(task, arguments) for row in rows]
+        pool.close()
+        pool.join()  # ended, not terminated: rclpy keeps a process from SIGTERM
+    return rows
 
 
 def cancels(number: int) -> list[float]:
