@@ -303,9 +303,9 @@ def _part(
             density = settings.default_density_kg_m3
             notes.append(f"No mass or density given: {density:g} kg/m3 assumed.")
         mass = density * report.volume
-    simplified = None
+    simplified, apart_m = None, 0.0
     if len(mesh.faces) > settings.simplify_above_faces:
-        simplified = _simplified(mesh, notes)
+        simplified, apart_m = _simplified(mesh, notes)
     return Part(
         mesh_id=mesh_id,
         mesh=mesh,
@@ -316,6 +316,7 @@ def _part(
         friction=sidecar.friction,
         notes=(*report.notes, *notes),
         simplified=simplified,
+        simplified_apart_m=apart_m,
         mass_assumed=assumed,
     )
 
@@ -332,18 +333,18 @@ def _check_symmetry(mesh_id: str, mesh: TriangleMesh, symmetry: SymmetryGroup) -
         )
 
 
-def _simplified(mesh: TriangleMesh, notes: list[str]) -> TriangleMesh | None:
+def _simplified(mesh: TriangleMesh, notes: list[str]) -> tuple[TriangleMesh | None, float]:
     from gpis_grasp_planner.geometry.simplification import simplify  # what the node saves
 
     found = simplify(mesh)
     if found is None:
-        return None
+        return None, 0.0
     notes.append(
         f"Its {len(mesh.faces)} faces were simplified to {len(found.mesh.faces)} for search and "
         f"physics ({1e3 * found.deviation:.2g} mm apart at most, of 10000 points); contacts are "
         "decided on all of them."
     )
-    return found.mesh
+    return found.mesh, found.deviation
 
 
 def _read_sidecar(path: Path, mesh_id: str, inside: Path | None) -> Sidecar:

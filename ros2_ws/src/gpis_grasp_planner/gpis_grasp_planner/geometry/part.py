@@ -40,6 +40,8 @@ class Part:
     simplified : TriangleMesh or None
         Of a large mesh, one of fewer triangles for surface, distance field, PyBullet and convex
         pieces; a note says how far it is from the mesh. Contacts are decided on the mesh.
+    simplified_apart_m : float [m]
+        How far that is at most, of some thousand points.
     mass_assumed : bool
         Whether the mass is by a density that nobody stated.
     uncertainty : SurfaceUncertainty or None
@@ -57,6 +59,7 @@ class Part:
     simplified: TriangleMesh | None = None
     mass_assumed: bool = False
     uncertainty: SurfaceUncertainty | None = None
+    simplified_apart_m: float = 0.0
 
     @property
     def drawn(self) -> tuple[Part, ...]:

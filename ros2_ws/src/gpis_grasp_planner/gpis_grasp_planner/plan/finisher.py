@@ -61,6 +61,8 @@ class Finisher:
         Takes what is lost here; the one of the search's evaluator.
     judge : callable
         Adds what other surfaces of the part say of a grasp.
+    exact : callable
+        A candidate as it closes on all of the mesh; None if it is no grasp there.
     in_cases : CaseBalance or None
         What the cases of its trials say; None where none will be made.
     cost_s : float [s]
@@ -76,10 +78,12 @@ class Finisher:
     tally: Tally
     judge: Callable[[Grasp], Grasp] = lambda grasp: grasp
     in_cases: CaseBalance | None = None
+    exact: Callable[[Candidate], Candidate | None] = lambda candidate: candidate
     cost_s: float = _FIRST_COST_S
     n_seen: int = 0
     _added: list[FinishedGrasp] = field(default_factory=list, repr=False)
     _known: dict[bytes, FinishedGrasp | None] = field(default_factory=dict, repr=False)
+    _key_of: dict[bytes, bytes] = field(default_factory=dict, repr=False)
     _unseen: dict[bytes, float] = field(default_factory=dict, repr=False)
     _spent_s: deque[float] = field(default_factory=lambda: deque(maxlen=_SAMPLED), repr=False)
     _sample_at: float = -np.inf
@@ -161,7 +165,7 @@ class Finisher:
 
     def stands(self, grasp: Grasp) -> bool:
         """Whether a grasp is among those of :meth:`finished`."""
-        key = _palm(grasp)
+        key = self._known_by(grasp)
         return self._known.get(key) is not None and key not in self._unseen
 
     def learn_cost(self) -> None:
@@ -185,7 +189,7 @@ class Finisher:
 
     def clearance_of(self, grasp: Grasp) -> Clearance:
         """Of a grasp from :meth:`best`, whatever was added to it since."""
-        finished = self._known[_palm(grasp)]
+        finished = self._known[self._known_by(grasp)]
         if finished is None:
             raise KeyError("The grasp was not finished here.")
         return finished.clearance
@@ -260,15 +264,22 @@ class Finisher:
             self.tally.lose_at(Step.CONFIRMED, Loss.SCENE, placed.grasp.T_object_palm[None])
             self._known[key] = None
 
+    def _known_by(self, grasp: Grasp) -> bytes:
+        """The key of a grasp: the palm that its candidate had."""
+        palm = _palm(grasp)
+        return self._key_of.get(palm, palm)
+
     def _learn(self, spent_s: float) -> None:
         self._spent_s.append(spent_s)
         self.cost_s = max(self._spent_s)  # time that is left is searched on
 
     def _placed(self, candidate: Candidate) -> FinishedGrasp | None:
-        grasp = grasp_of(candidate, self.context)
-        if not grasp.feasible:
-            self.tally.lose_at(Step.CONFIRMED, Loss.INEXACT, grasp.T_object_palm[None])
+        exact = self.exact(candidate)
+        grasp = None if exact is None else grasp_of(exact, self.context)
+        if grasp is None or not grasp.feasible:
+            self.tally.lose_at(Step.CONFIRMED, Loss.INEXACT, candidate.T_object_palm[None])
             return None
+        self._key_of[_palm(grasp)] = _key(candidate)
         [grasp], [clearance] = self.placing.clear([grasp])
         if not clearance.clear:
             self.tally.lose_at(Step.CONFIRMED, Loss.MARGIN, grasp.T_object_palm[None])

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ _KIND = "object"
 # Of the processor time, by part; for the progress.
 _WEIGHTS = {"surface": 0.6, "field": 0.28, "tree": 0.12}
 _DRAW_WEIGHT = 0.2
+# A simplified mesh is near enough to close hands on if it is no farther from the mesh than this
+# share of the contact threshold.
+_APART_SHARE = 0.5
 _DRAW_CELLS = 48  # of the field of a surface that was drawn
 _SOURCES = ("compiled.py", "geometry", "surface", "plan/preparation.py")
 
@@ -43,13 +46,21 @@ class PreparedObject:
     """What is made once per mesh: distance field, triangle tree, and the atlas of the GPIS.
 
     The tree is over all triangles; field and surface are those of a large mesh's simplified one.
-    `draws` are fields and trees of the surfaces that a scanned part may have; none for a mesh file.
+    `coarse` is a tree over that one, where it is so near to the mesh that hands may be closed on
+    it while a grasp is looked for (`plan.exact_closing`). `draws` are fields and trees of the
+    surfaces that a scanned part may have; none for a mesh file.
     """
 
     field: DistanceField
     tree: TriangleTree
     atlas: SurfaceAtlas
     draws: tuple[tuple[DistanceField, TriangleTree], ...] = ()
+    coarse: TriangleTree | None = None
+
+    @property
+    def for_search(self) -> PreparedObject:
+        """With the tree that hands are closed on while a grasp is looked for."""
+        return self if self.coarse is None else replace(self, tree=self.coarse)
 
 
 class Preparation:
@@ -139,6 +150,7 @@ class Preparation:
             TriangleTree(**_of_group("tree", arrays)),
             SurfaceAtlas(surface),
             tuple(_drawn(k, arrays) for k in range(_n_drawn(arrays))),
+            _coarse(arrays),
         )
 
     def _begun(self, part: Part) -> _SideBySide:
@@ -147,9 +159,14 @@ class Preparation:
         drawn = () if part.uncertainty is None else part.uncertainty.draws
         work = _SideBySide(_WEIGHTS | {f"draw{k}": _DRAW_WEIGHT for k in range(len(drawn))})
 
-        def field_and_tree() -> tuple[DistanceField, TriangleTree]:
+        scene = self.settings.scene
+        near = part.simplified_apart_m <= _APART_SHARE * scene.contact_threshold_m
+        has_coarse = part.simplified is not None and near
+
+        def field_and_trees() -> tuple[DistanceField, TriangleTree, TriangleTree | None]:
             field = DistanceField.of(mesh, cells=cells, on_share=work.reporter("field"))
-            return field, TriangleTree.of(part.mesh, on_share=work.reporter("tree"))
+            tree = TriangleTree.of(part.mesh, on_share=work.reporter("tree"))
+            return field, tree, TriangleTree.of(mesh) if has_coarse else None
 
         def atlas() -> SurfaceAtlas:
             return SurfaceAtlas(fit_part(mesh, surface_settings, on_share=work.reporter("surface")))
@@ -163,13 +180,14 @@ class Preparation:
             return tuple(made)
 
         def joined(results: list[Any]) -> PreparedObject:
-            (field, tree), made, others = results
+            (field, tree, coarse), made, others = results
             self.disk.put(
                 _KIND,
                 self._disk_key(_key(part)),
                 {
                     **{f"field.{f.name}": getattr(field, f.name) for f in fields(field)},
                     **{f"tree.{f.name}": getattr(tree, f.name) for f in fields(tree)},
+                    **{f"coarse.{f.name}": getattr(coarse, f.name) for f in _fields_of(coarse)},
                     **{f"surface.{name}": a for name, a in made.surface.as_arrays().items()},
                     **{
                         f"{group}{k}.{f.name}": getattr(one, f.name)
@@ -179,9 +197,9 @@ class Preparation:
                     },
                 },
             )
-            return PreparedObject(field, tree, made, others)
+            return PreparedObject(field, tree, made, others, coarse)
 
-        work.begin([field_and_tree, atlas, draws], joined)
+        work.begin([field_and_trees, atlas, draws], joined)
         return work
 
     def _disk_key(self, key: str) -> str:
@@ -190,6 +208,7 @@ class Preparation:
             (
                 key,
                 self.settings.scene.field_cells,
+                self.settings.scene.contact_threshold_m,
                 sorted(self.settings.surface.as_dict().items()),
                 code_version(*_SOURCES),
                 scipy_version,
@@ -308,6 +327,15 @@ def _n_drawn(arrays: Mapping[str, NDArray[Any]]) -> int:
 def _drawn(k: int, arrays: Mapping[str, NDArray[Any]]) -> tuple[DistanceField, TriangleTree]:
     field = _field(_of_group(f"field{k}", arrays))
     return field, TriangleTree(**_of_group(f"tree{k}", arrays))
+
+
+def _fields_of(tree: TriangleTree | None) -> tuple[Any, ...]:
+    return () if tree is None else fields(tree)
+
+
+def _coarse(arrays: Mapping[str, NDArray[Any]]) -> TriangleTree | None:
+    of_tree = _of_group("coarse", arrays)
+    return TriangleTree(**of_tree) if of_tree else None
 
 
 def _field(arrays: Mapping[str, NDArray[Any]]) -> DistanceField:

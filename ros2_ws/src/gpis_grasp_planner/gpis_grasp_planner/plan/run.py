@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -15,7 +14,6 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.funnel import Funnel
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
-from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.plan.answer import Answer, found_text, nothing_found, nothing_holds
 from gpis_grasp_planner.plan.case_balance import CaseBalance
 from gpis_grasp_planner.plan.confirming_scene import ConfirmingScene
@@ -30,12 +28,12 @@ from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
-from gpis_grasp_planner.plan.search_evaluator import search_evaluator
+from gpis_grasp_planner.plan.search_evaluator import exact_closing, search_evaluator
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.search.archive import GraspArchive
 from gpis_grasp_planner.search.context import PlanningContext
-from gpis_grasp_planner.search.finalists import choose_reserve, grasp_of
+from gpis_grasp_planner.search.finalists import RESERVE, choose_reserve, grasp_of
 from gpis_grasp_planner.search.searches import make_search
 from gpis_grasp_planner.surroundings.place import Place
 from gpis_grasp_planner.verification.cases import TrialCase, finalist_cases
@@ -122,7 +120,11 @@ class PlanRun:
         self._finisher = Finisher(
             *(self._context, placing, scene.agrees, monitor.now, self._tally),
             hold.on_surfaces.judged,
-            CaseBalance(part, self.hand, settings, prepared, cases) if cases else None,
+            CaseBalance(part, self.hand, settings, prepared.for_search, cases) if cases else None,
+            exact_closing(
+                *(part, self.hand, self._friction, settings, prepared),
+                *(self._constraints, self._objective),
+            ),
         )
         self._hold = hold
         self._limit: HandLimit | None = None
@@ -323,7 +325,10 @@ class PlanRun:
         with monitor.phase(Phase.PLACING):
             ordered, of_hold = self._hold.ranked(grasps, deadline, monitor)
         chosen = tuple(ordered[: request.n_grasps])
-        reserve = self._reserve(chosen, grasps if tried is None else tried.ranked)
+        # What a fine mesh's search has found is not closed on all of the mesh yet.
+        estimates = RESERVE if self._prepared.coarse is None else 0
+        left_out = grasps if tried is None else tried.ranked
+        reserve = choose_reserve(self._context, chosen, left_out, estimates)
         result = make_result(
             part,
             self._context,
@@ -390,10 +395,3 @@ class PlanRun:
             text = nothing_holds(part, len(tried.ranked), tried.why_none)
             return ErrorCode.NO_GRASP_HOLDS, text, tried.ranked[0]
         return ErrorCode.SUCCESS, "", None
-
-    def _reserve(self, chosen: Sequence[Grasp], left_out: Sequence[Grasp]) -> Reserve:
-        """What is kept beside the answer: grasps that were finished, then estimates."""
-        answered = {grasp.T_object_palm.tobytes() for grasp in chosen}
-        rest = [g for g in left_out if g.T_object_palm.tobytes() not in answered]
-        further = choose_reserve(self._context, (*chosen, *rest))
-        return replace(further, estimates=(*rest, *further.estimates))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,20 +54,26 @@ def choose_finalists(
 
 
 def choose_reserve(
-    context: PlanningContext, chosen: tuple[Grasp, ...], n: int = RESERVE
+    context: PlanningContext,
+    chosen: Sequence[Grasp],
+    left_out: Sequence[Grasp] = (),
+    n: int = RESERVE,
 ) -> Reserve:
-    """Up to `n` further grasps, by a smaller distance rule and with the search's estimates.
+    """What is kept beside an answer: grasps that were finished, then the search's estimates.
 
-    Those at the palm poses of the chosen are left out. Some 10 to 50 ms.
+    Of those up to `n`, by a smaller distance rule. What lies at the palm poses of the chosen, or
+    twice, is left out. Some 10 to 50 ms.
     """
-    taken = {grasp.T_object_palm.tobytes() for grasp in chosen}
+    answered = {grasp.T_object_palm.tobytes() for grasp in chosen}
+    rest = [g for g in left_out if g.T_object_palm.tobytes() not in answered]
+    taken = answered | {grasp.T_object_palm.tobytes() for grasp in rest}
     further = [
         _grasp(candidate, context, candidate.attempts.quality(candidate.index))
-        for candidate in context.archive.best(n + len(chosen), _RESERVE_APART)
+        for candidate in context.archive.best(n + len(taken), _RESERVE_APART)
         if candidate.T_object_palm.tobytes() not in taken
     ]
     return Reserve(
-        tuple(further[:n]),
+        (*rest, *further[:n]),
         context.part.center_of_mass,
         context.max_radius,
         context.settings.scene.cone_edges,
