@@ -28,7 +28,7 @@ from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor, Phase
 from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.result import make_result
-from gpis_grasp_planner.plan.search_evaluator import exact_closing, search_evaluator
+from gpis_grasp_planner.plan.search_evaluator import search_evaluator
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.tried_grasps import TriedGrasps, payload_note
 from gpis_grasp_planner.search.archive import GraspArchive
@@ -90,7 +90,7 @@ class PlanRun:
             self.hand, request, place, settings, placing.arm, placing.own
         )
         self._objective = make_objective(settings, part)
-        self._evaluator, self._tally = self._owned.enter_context(
+        self._evaluator, self._tally, exact = self._owned.enter_context(
             search_evaluator(
                 *(part, self.hand, self._friction, settings, prepared),
                 *(self._constraints, self._objective, self._is_over),
@@ -121,10 +121,7 @@ class PlanRun:
             *(self._context, placing, scene.agrees, monitor.now, self._tally),
             hold.on_surfaces.judged,
             CaseBalance(part, self.hand, settings, prepared.for_search, cases) if cases else None,
-            exact_closing(
-                *(part, self.hand, self._friction, settings, prepared),
-                *(self._constraints, self._objective),
-            ),
+            exact,
         )
         self._hold = hold
         self._limit: HandLimit | None = None

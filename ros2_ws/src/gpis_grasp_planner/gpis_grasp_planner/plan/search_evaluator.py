@@ -1,4 +1,4 @@
-"""The evaluator of a search: the compiled one in its wrappers, or PyBullet's; and the exact one."""
+"""The evaluator of a search: the compiled one in its wrappers, or PyBullet's."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from gpis_grasp_planner.scene.bullet_evaluator import BulletEvaluator
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
 from gpis_grasp_planner.search.archive import Candidate
 
+Exact = Callable[[Candidate], Candidate | None]
+
 
 @contextmanager
 def search_evaluator(
@@ -32,8 +34,8 @@ def search_evaluator(
     constraints: Sequence[Constraint],
     objective: Objective,
     ended: Callable[[], bool],
-) -> Iterator[tuple[GraspEvaluator, Tally]]:
-    """The evaluator, and where it counts what is lost.
+) -> Iterator[tuple[GraspEvaluator, Tally, Exact]]:
+    """The evaluator, where it counts what is lost, and what closes its grasps on all of the mesh.
 
     Around the compiled one, from the inside: constraints, the closing balance, and the measures
     that the objective needs.
@@ -50,45 +52,21 @@ def search_evaluator(
     scene = settings.scene
     if scene.search_evaluator == "bullet":
         with BulletEvaluator(hand, part, friction, scene, prepared.field, prepared.tree) as bullet:
-            yield bullet, bullet.tally
+            yield bullet, bullet.tally, _as_it_is
         return
-    compiled, tally = _wrapped(
-        *(part, hand, friction, settings, prepared.for_search),
-        *(constraints, objective, ended),
-    )
-    yield compiled, tally
+
+    def wrapped(of: PreparedObject, is_over: Callable[[], bool]) -> tuple[PostureEvaluator, Tally]:
+        compiled = CompiledEvaluator(hand, part, friction, scene, of.field, of.tree, is_over)
+        constrained = ConstrainedEvaluator(compiled, hand, tuple(constraints), scene.retreat_m)
+        balanced = with_balance(constrained, hand, part, settings)
+        measured = with_measures(balanced, objective.measures, part, scene.cone_edges)
+        return measured, constrained.tally
+
+    exact: Exact = _as_it_is
+    if prepared.coarse is not None:
+        exact = ExactClosing(wrapped(prepared, lambda: False)[0], hand, objective)
+    yield (*wrapped(prepared.for_search, ended), exact)
 
 
-def exact_closing(
-    part: Part,
-    hand: HandDescription,
-    friction: Friction,
-    settings: PlannerSettings,
-    prepared: PreparedObject,
-    constraints: Sequence[Constraint],
-    objective: Objective,
-) -> Callable[[Candidate], Candidate | None]:
-    """What makes a candidate of :func:`search_evaluator` one of the whole mesh."""
-    if prepared.coarse is None or settings.scene.search_evaluator == "bullet":
-        return lambda candidate: candidate
-    evaluator, _ = _wrapped(
-        part, hand, friction, settings, prepared, constraints, objective, lambda: False
-    )
-    return ExactClosing(evaluator, hand, objective)
-
-
-def _wrapped(
-    part: Part,
-    hand: HandDescription,
-    friction: Friction,
-    settings: PlannerSettings,
-    prepared: PreparedObject,
-    constraints: Sequence[Constraint],
-    objective: Objective,
-    ended: Callable[[], bool],
-) -> tuple[PostureEvaluator, Tally]:
-    scene = settings.scene
-    compiled = CompiledEvaluator(hand, part, friction, scene, prepared.field, prepared.tree, ended)
-    constrained = ConstrainedEvaluator(compiled, hand, tuple(constraints), scene.retreat_m)
-    balanced = with_balance(constrained, hand, part, settings)
-    return with_measures(balanced, objective.measures, part, scene.cone_edges), constrained.tally
+def _as_it_is(candidate: Candidate) -> Candidate:
+    return candidate
