@@ -58,7 +58,7 @@ def joints_from_motors(
     n = drive.n_links
     held = np.broadcast_to(np.asarray(held, dtype=float), (*motor.shape, n - 1))
     upper = hand.of_fingers(hand.joint_upper)
-    gear = drive.row_gear
+    gear, first = drive.row_gear, hand.first_joint
     q = np.zeros((*motor.shape, n))
     left = motor
     for h in range(n - 1):
@@ -68,7 +68,7 @@ def joints_from_motors(
         way = np.minimum(left / gear[:, h], end - q[..., h])
         if h:  # a motor may be where an earlier link is held
             way = np.maximum(way, 0.0)
-        way = np.where(h < hand.first_joint, 0.0, way)
+        way = np.where(h < first, 0.0, way)
         q += way[..., None] * drive.closing_ratio[:, h]
         left = left - way * gear[:, h]
     q[..., -1] = motor * drive.first_travel - q[..., :-1].sum(axis=-1)
