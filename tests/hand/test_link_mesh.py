@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.hand.link_mesh import (
     convex_hull,
+    fewest_vertices,
     inertia_from_moments,
     read_stl,
     solid_properties,
@@ -48,3 +50,17 @@ def test_a_truncated_stl_is_refused(tmp_path, length):
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(MeshError, match="bytes where"):
         read_stl(path)
+
+
+def test_few_vertices_span_the_same_body(rng):
+    points = rng.normal(size=(400, 3)) * [0.02, 0.03, 0.05]
+    tolerance = 5e-4
+    chosen = fewest_vertices(points, tolerance)
+    assert {tuple(p) for p in chosen} <= {tuple(p) for p in points}
+    planes = ConvexHull(chosen).equations
+    assert (points @ planes[:, :3].T + planes[:, 3]).max() <= tolerance
+    corners = ConvexHull(points).vertices
+    assert len(chosen) < len(corners)
+    # without a tolerance every corner is needed
+    every = fewest_vertices(points, 1e-12)
+    assert sorted(map(tuple, every)) == sorted(map(tuple, points[corners]))

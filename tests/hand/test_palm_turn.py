@@ -60,9 +60,8 @@ def test_kinematics_shapes_and_contacts_are_those_of_the_hand(name, rng, tmp_pat
     ):
         assert mine[of_palm] == pytest.approx(other[of_palm] @ about_z.T, abs=1e-9)
         assert mine[~of_palm] == pytest.approx(other[~of_palm], abs=1e-12)
-    names = hand.link_names
-    seen = visual_shapes(turned.urdf_path, names, turned.palm_turn)[0]
-    for piece, same in zip(seen, visual_shapes(hand.urdf_path, names)[0], strict=True):
+    seen = visual_shapes(turned.urdf_path, turned, turned.palm_turn)[0]
+    for piece, same in zip(seen, visual_shapes(hand.urdf_path, hand)[0], strict=True):
         assert piece.vertices == pytest.approx(same.vertices @ about_z.T, abs=1e-9)
 
 

@@ -103,7 +103,7 @@ def test_a_hand_of_a_file_is_the_same_hand(jaw, copied):
         ("urdf", 'type="prismatic"', 'type="revolute"', "slide towards each other"),
         ("urdf", 'type="prismatic"', 'type="planar"', "'planar'"),
         ("urdf", 'lower="0"', 'lower="-0.01"', "does not begin at 0"),
-        ("urdf", "<box size=", "<sphere radius=", "neither a box nor a mesh"),
+        ("urdf", "<box size=", "<capsule radius=", "shape that is 'capsule'"),
     ],
 )
 def test_what_contradicts_itself_is_refused(copied, file, old, new, said):

@@ -79,12 +79,13 @@ def test_what_cannot_be_a_hand_is_refused(tmp_path):
         ("", 1.0),  # none: the collision shape
         ('<visual><geometry><box size="2 2 2"/></geometry></visual>', 2.0),
         ('<visual><geometry><mesh filename="fine.dae"/></geometry></visual>', 1.0),
-        ('<visual><geometry><cylinder radius="1" length="2"/></geometry></visual>', 1.0),
+        ('<visual><geometry><cylinder radius="1" length="2"/></geometry></visual>', 2.0),
+        ('<visual><geometry><capsule radius="1" length="2"/></geometry></visual>', 1.0),
     ],
 )
 def test_what_is_shown_is_what_can_be_read_else_the_collision_shape(tmp_path, visual, edges):
     path = write(tmp_path)
     path.write_text(path.read_text().replace('name="tip">', f'name="tip">{visual}'))
-    base, [tip] = visual_shapes(path, ("base", "tip"))
+    base, [tip] = visual_shapes(path, read_urdf(path))
     assert base == ()
     np.testing.assert_allclose(np.ptp(tip.vertices, axis=0), [edges] * 3, atol=1e-12)

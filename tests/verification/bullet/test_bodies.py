@@ -18,7 +18,6 @@ from gpis_grasp_planner.verification.bullet.bodies import (
     LINK_MARGIN_M,
     add_hand,
     add_object,
-    fewest_vertices,
     inertia_of,
     inset,
     link_hulls,
@@ -34,20 +33,6 @@ def test_an_inset_polytope_has_its_faces_further_in(hand: HandDescription) -> No
             assert (height <= -LINK_MARGIN_M + 1e-9).all()
             # every large face is kept
             assert np.quantile(height, 0.9) > -LINK_MARGIN_M - 1e-4
-
-
-def test_few_vertices_span_the_same_body(rng: np.random.Generator) -> None:
-    points = rng.normal(size=(400, 3)) * [0.02, 0.03, 0.05]
-    tolerance = 5e-4
-    chosen = fewest_vertices(points, tolerance)
-    assert {tuple(p) for p in chosen} <= {tuple(p) for p in points}
-    planes = ConvexHull(chosen).equations
-    assert (points @ planes[:, :3].T + planes[:, 3]).max() <= tolerance
-    corners = ConvexHull(points).vertices
-    assert len(chosen) < len(corners)
-    # without a tolerance every corner is needed
-    every = fewest_vertices(points, 1e-12)
-    assert sorted(map(tuple, every)) == sorted(map(tuple, points[corners]))
 
 
 def test_inertia_of_a_box(make_box: Callable[..., Part]) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.drive_train import Drive, check_limits, read_drive
 from gpis_grasp_planner.hand.finger import Finger, read_finger
+from gpis_grasp_planner.hand.mimic import check_mimic
 from gpis_grasp_planner.hand.palm_turn import palm_turn
 from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M, Preshape, read_preshape
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
@@ -197,7 +198,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescription:
     urdf_path = path.parent / data["urdf"]
     turn = palm_turn(data.get("palm_axis", (0.0, 0.0, 1.0)))
-    tree = read_urdf(urdf_path, turn)
+    tree = read_urdf(urdf_path, turn, bool(data.get("collision_hulls", False)))
     if tree.link_names[0] != data["palm_link"]:
         raise RequestError(
             f"The root of '{urdf_path}' is '{tree.link_names[0]}', but the hand's YAML names "
@@ -229,6 +230,7 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         desired_contacts=_desired_contacts(data, fingers, turn),
         contact_patches=bool(data.get("contact_patches", False)),
     )
+    check_mimic(tree, hand.preshape, fingers, hand.drive)
     _check(hand)
     parts = (hand, hand.preshape, *fingers, hand.drive, hand.eigengrasps, hand.desired_contacts)
     for part in parts:

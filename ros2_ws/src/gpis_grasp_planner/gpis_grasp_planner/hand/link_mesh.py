@@ -35,6 +35,32 @@ def convex_hull(points: ArrayLike) -> TriangleMesh:
     return TriangleMesh(points[used], compact.reshape(-1, 3).astype(np.int32))
 
 
+def fewest_vertices(points: Array, tolerance: float, most: int | None = None) -> Array:
+    """A choice (n, 3) of points outside of whose hull no other point is farther than a tolerance.
+
+    Or `most` of them, if that is fewer.
+
+    Greedy, from the extremes along the axes: the point farthest outside comes next. Where Qhull
+    cannot grow a hull (many points on one plane) all its corners are kept.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    chosen = list(dict.fromkeys(np.argmax(points @ axes.T, axis=0).tolist()))
+    try:
+        hull = ConvexHull(points[chosen], incremental=True)
+        while True:
+            outside = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+            farthest = outside.max(axis=1)
+            index = int(np.argmax(farthest))
+            if farthest[index] <= tolerance or len(chosen) == most:
+                return np.asarray(points[chosen])
+            chosen.append(index)
+            hull.add_points(points[[index]])
+    except QhullError:
+        return np.asarray(points[ConvexHull(points, qhull_options="QJ").vertices])
+
+
 def solid_properties(mesh: TriangleMesh) -> tuple[float, Array, Array]:
     """Volume [m^3], centroid (3,) and second moments (3, 3) [m^5] about the origin.
 

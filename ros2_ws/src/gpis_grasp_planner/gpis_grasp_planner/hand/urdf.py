@@ -1,7 +1,7 @@
-"""Read the kinematic tree and the collision pieces of a URDF with the standard library.
+"""Read the kinematic tree and the shapes of a URDF with the standard library.
 
-Understands what the hands of this project use: revolute, prismatic and fixed joints, collision
-shapes that are boxes or convex STL pieces in metres with names relative to the URDF's folder.
+Understands revolute, prismatic and fixed joints, joints that mimic others, and the shapes of
+`hand.link_shapes`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.transforms import apply, rotation_from_rpy, transform
-from gpis_grasp_planner.hand.link_mesh import read_stl
+from gpis_grasp_planner.hand.link_shapes import (
+    is_readable,
+    link_shapes,
+    mesh_path,
+    numbers,
+    origin_of,
+)
 from gpis_grasp_planner.hand.palm_turn import turn_root
 
 Array = NDArray[np.float64]
@@ -40,6 +45,8 @@ class UrdfTree:
     joint_names : tuple of str, J entries
     joint_slides : (J,) bool array
         Whether the joint is prismatic: its position is in metres then, its effort in newtons.
+    joint_mimic : tuple, J entries
+        Of a joint that mimics another: the other's index, multiplier and offset; else None.
     joint_lower, joint_upper, joint_velocity, joint_effort : (J,) arrays [rad, rad/s, N m]
         Or [m, m/s, N] where the joint slides.
     link_mass : (L,) array [kg]
@@ -54,6 +61,7 @@ class UrdfTree:
     joint_axis: Array
     joint_names: tuple[str, ...]
     joint_slides: NDArray[np.bool_]
+    joint_mimic: tuple[tuple[int, float, float] | None, ...]
     joint_lower: Array
     joint_upper: Array
     joint_velocity: Array
@@ -62,8 +70,10 @@ class UrdfTree:
     link_collision: tuple[tuple[TriangleMesh, ...], ...]
 
 
-def read_urdf(path: Path, turn: Array | None = None) -> UrdfTree:
+def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> UrdfTree:
     """Read a URDF file, its root turned by a rotation (3, 3) if one is given (`palm_turn`).
+
+    With `hulls` the collision shapes are the convex hulls of the file's.
 
     Raises
     ------
@@ -109,10 +119,10 @@ def read_urdf(path: Path, turn: Array | None = None) -> UrdfTree:
             continue
         moving = joint_of_child[name]
         link_parent[index] = order.index(_child(moving, "parent"))
-        T_parent_joint[index] = _origin(moving)
+        T_parent_joint[index] = origin_of(moving)
         if moving.get("name") in joint_names:
             link_joint[index] = joint_names.index(moving.get("name", ""))
-            axis = _numbers(_element(moving, "axis").get("xyz", "1 0 0"))
+            axis = numbers(_element(moving, "axis").get("xyz", "1 0 0"))
             joint_axis[index] = axis / np.linalg.norm(axis)
     masses = [
         float(m.get("value", 0)) if (m := links[name].find("inertial/mass")) is not None else 0.0
@@ -126,29 +136,35 @@ def read_urdf(path: Path, turn: Array | None = None) -> UrdfTree:
         joint_axis=joint_axis,
         joint_names=joint_names,
         joint_slides=np.array([joint.get("type") == "prismatic" for joint in movable]),
+        joint_mimic=tuple(_mimic(joint, joint_names) for joint in movable),
         joint_lower=limits[0],
         joint_upper=limits[1],
         joint_velocity=limits[2],
         joint_effort=limits[3],
         link_mass=np.array(masses),
-        link_collision=_shapes(path, [links[name] for name in order], "collision"),
+        link_collision=link_shapes(path, [links[name] for name in order], "collision", hulls),
     )
 
 
 def mesh_files(path: Path) -> tuple[Path, ...]:
     """The meshes that a URDF names, each once."""
     names = {str(mesh.get("filename")) for mesh in ET.parse(path).getroot().iter("mesh")}
-    return tuple(path.parent / name for name in sorted(names))
+    return tuple(mesh_path(path, name) for name in sorted(names))
 
 
 def with_mesh_uris(path: Path, mesh_uri_prefix: str, turn: Array | None = None) -> str:
-    """The URDF's text with `mesh_uri_prefix` put before every mesh name, turned as in read_urdf."""
+    """The URDF's text with `mesh_uri_prefix` put before mesh names that are no URIs themselves.
+
+    Turned as in read_urdf.
+    """
     robot = ET.parse(path).getroot()
     if turn is not None:
         turn_root(robot, turn)
     prefix = mesh_uri_prefix.rstrip("/")
     for mesh in robot.iter("mesh"):
-        mesh.set("filename", f"{prefix}/{mesh.get('filename')}")
+        name = mesh.get("filename", "")
+        if "://" not in name:
+            mesh.set("filename", f"{prefix}/{name}")
     return ET.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
@@ -168,82 +184,25 @@ def _from_root(names: list[str], joint_of_child: dict[str, ET.Element], path: Pa
 
 
 def visual_shapes(
-    path: Path, link_names: tuple[str, ...], turn: Array | None = None
+    path: Path, tree: UrdfTree, turn: Array | None = None
 ) -> tuple[tuple[TriangleMesh, ...], ...]:
-    """What the links look like, in the links' frames; the root's turned as in read_urdf.
+    """What the links of a tree look like, in their frames; the root's turned as in read_urdf.
 
-    A link without visual shapes, or with one that is neither a box nor an STL file, has its
-    collision shapes.
+    A link without visual shapes, or with one of a kind that is not known, has its collision shapes.
 
     Raises
     ------
     RequestError, MeshError
-        For an STL file that is not there or none.
+        For a mesh file that is not there or damaged.
     """
     robot = ET.parse(path).getroot()
     if turn is not None:
         turn_root(robot, turn)
     links = {str(link.get("name")): link for link in robot.iterfind("link")}
-    chosen = [links[name] for name in link_names]
     bare = ET.Element("link")
-    seen_links = [link if _is_readable(link) else bare for link in chosen]
-    visual, collision = _shapes(path, seen_links, "visual"), _shapes(path, chosen, "collision")
-    return tuple(seen or solid for seen, solid in zip(visual, collision, strict=True))
-
-
-def _is_readable(link: ET.Element) -> bool:
-    """Whether all visual shapes are boxes or STL files."""
-    for shape in link.findall("visual"):
-        mesh = shape.find("geometry/mesh")
-        if mesh is None and shape.find("geometry/box") is None:
-            return False
-        if mesh is not None and not mesh.get("filename", "").lower().endswith(".stl"):
-            return False
-    return True
-
-
-def _shapes(path: Path, links: list[ET.Element], kind: str) -> tuple[tuple[TriangleMesh, ...], ...]:
-    files: dict[str, TriangleMesh] = {}
-    result = []
-    for link in links:
-        pieces = []
-        for shape in link.findall(kind):
-            mesh, box = shape.find("geometry/mesh"), shape.find("geometry/box")
-            if mesh is not None:
-                name = mesh.get("filename", "")
-                if name not in files:
-                    files[name] = read_stl(path.parent / name)
-            elif box is not None:
-                name = f"box {box.get('size')}"
-                files.setdefault(name, _box(_numbers(box.get("size", "0 0 0"))))
-            else:
-                raise RequestError(
-                    f"Link '{link.get('name')}' of '{path}' has a {kind} shape that is neither "
-                    "a box nor a mesh; give boxes or convex STL pieces."
-                )
-            piece, T_link_piece = files[name], _origin(shape)
-            if not np.array_equal(T_link_piece, np.eye(4)):
-                piece = TriangleMesh(apply(T_link_piece, piece.vertices), piece.faces)
-            pieces.append(piece)
-        result.append(tuple(pieces))
-    return tuple(result)
-
-
-def _box(size: Array) -> TriangleMesh:
-    """A box (3,) [m] about the origin."""
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    # counter-clockwise seen from outside; corner 4 i + 2 j + k
-    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    faces = [(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]
-    return TriangleMesh(corners * size, np.array(faces, dtype=np.int32))
-
-
-def _origin(element: ET.Element) -> Array:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    R = rotation_from_rpy(_numbers(origin.get("rpy", "0 0 0")))
-    return transform(R, _numbers(origin.get("xyz", "0 0 0")))
+    seen = [links[n] if is_readable(links[n]) else bare for n in tree.link_names]
+    visual = link_shapes(path, seen, "visual")
+    return tuple(v or solid for v, solid in zip(visual, tree.link_collision, strict=True))
 
 
 def _element(parent: ET.Element, tag: str) -> ET.Element:
@@ -257,5 +216,14 @@ def _child(joint: ET.Element, tag: str) -> str:
     return _element(joint, tag).get("link", "")
 
 
-def _numbers(text: str) -> Array:
-    return np.array([float(word) for word in text.split()])
+def _mimic(joint: ET.Element, joint_names: tuple[str, ...]) -> tuple[int, float, float] | None:
+    found = joint.find("mimic")
+    if found is None:
+        return None
+    if found.get("joint") not in joint_names:
+        raise RequestError(
+            f"Joint '{joint.get('name')}' of the hand's URDF mimics '{found.get('joint')}', which "
+            f"is none of its movable joints: {', '.join(joint_names)}."
+        )
+    index = joint_names.index(found.get("joint", ""))
+    return index, float(found.get("multiplier", 1.0)), float(found.get("offset", 0.0))

@@ -145,7 +145,7 @@ class GraspMarkers:
                     Marker(
                         ns="hand",
                         id=len(markers),
-                        type=Marker.MESH_RESOURCE if shape.uri else Marker.CUBE,
+                        type=shape.kind,
                         pose=pose,
                         scale=Vector3(x=x, y=y, z=z),
                         color=color,
@@ -157,8 +157,9 @@ class GraspMarkers:
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """A visual shape: a mesh by its URI, or without one a box of edges `scale` [m]."""
+    """A visual shape: a mesh by its URI, or a box, cylinder or ellipsoid of edges `scale` [m]."""
 
+    kind: int
     uri: str
     scale: tuple[float, float, float]
     T_link_shape: NDArray[np.float64]
@@ -186,26 +187,31 @@ def _text_marker(grasp: Grasp) -> Marker:
 
 
 def _visual_shapes(urdf: str) -> dict[str, tuple[_Shape, ...]]:
-    """Meshes and boxes per link."""
+    """Meshes, boxes, cylinders and spheres per link."""
     return {
         link.get("name", ""): tuple(
-            _shape(visual)
-            for visual in link.iterfind("visual")
-            if visual.find("geometry/mesh") is not None or visual.find("geometry/box") is not None
+            shape for visual in link.iterfind("visual") if (shape := _shape(visual)) is not None
         )
         for link in ET.fromstring(urdf).iterfind("link")
     }
 
 
-def _shape(visual: ET.Element) -> _Shape:
-    origin, mesh = visual.find("origin"), visual.find("geometry/mesh")
+def _shape(visual: ET.Element) -> _Shape | None:
+    origin, geometry = visual.find("origin"), visual.find("geometry")
     given = {} if origin is None else origin.attrib
     xyz, rpy = (np.array(given.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
     T_link_shape = transform(rotation_from_rpy(rpy), xyz)
-    if mesh is not None:
-        x, y, z = (float(number) for number in mesh.get("scale", "1 1 1").split())
-        return _Shape(mesh.get("filename", ""), (x, y, z), T_link_shape)
-    box = visual.find("geometry/box")
-    assert box is not None
-    x, y, z = (float(number) for number in box.get("size", "").split())
-    return _Shape("", (x, y, z), T_link_shape)
+    shape = None if geometry is None else next(iter(geometry), None)
+    if shape is None:
+        return None
+    width = 2.0 * float(shape.get("radius", 0))
+    kind, scale = {
+        "mesh": (Marker.MESH_RESOURCE, shape.get("scale", "1 1 1").split()),
+        "box": (Marker.CUBE, shape.get("size", "0 0 0").split()),
+        "cylinder": (Marker.CYLINDER, (width, width, shape.get("length", 0))),
+        "sphere": (Marker.SPHERE, (width, width, width)),
+    }.get(shape.tag, (None, ()))
+    if kind is None:
+        return None
+    x, y, z = (float(number) for number in scale)
+    return _Shape(kind, shape.get("filename", ""), (x, y, z), T_link_shape)

@@ -111,7 +111,7 @@ class GraspScene:
     @cached_property
     def link_shapes(self) -> tuple[tuple[TriangleMesh, ...], ...]:
         """What each link of the hand looks like, in its own frame."""
-        return visual_shapes(self.hand.urdf_path, self.hand.link_names, self.hand.palm_turn)
+        return visual_shapes(self.hand.urdf_path, self.hand, self.hand.palm_turn)
 
     @cached_property
     def arm(self) -> ArmDescription | None:

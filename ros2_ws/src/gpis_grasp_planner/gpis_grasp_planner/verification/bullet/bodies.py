@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.compiled_cache import contents, write_kept
@@ -29,6 +29,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.link_mesh import fewest_vertices
 from gpis_grasp_planner.packed_arrays import pack, unpack
 from gpis_grasp_planner.scene.arrays import hand_key
 from gpis_grasp_planner.scene.bullet_world import BulletClient, hull_shape
@@ -104,28 +105,6 @@ def inset(piece: TriangleMesh, margin: float) -> Array:
     inside = np.array(best.x, dtype=float)[:3]
     corners = HalfspaceIntersection(planes, inside).intersections
     return fewest_vertices(corners, _HULL_TOLERANCE_M)
-
-
-def fewest_vertices(points: Array, tolerance: float) -> Array:
-    """A choice (n, 3) of points outside of whose hull no other point is farther than a tolerance.
-
-    Greedy, from the extremes along the axes: the point farthest outside comes next. Where Qhull
-    cannot grow a hull (many points on one plane) all its corners are kept.
-    """
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    chosen = list(dict.fromkeys(np.argmax(points @ axes.T, axis=0).tolist()))
-    try:
-        hull = ConvexHull(points[chosen], incremental=True)
-        while True:
-            outside = points @ hull.equations[:, :3].T + hull.equations[:, 3]
-            farthest = outside.max(axis=1)
-            index = int(np.argmax(farthest))
-            if farthest[index] <= tolerance:
-                return np.asarray(points[chosen])
-            chosen.append(index)
-            hull.add_points(points[[index]])
-    except QhullError:
-        return np.asarray(points[ConvexHull(points, qhull_options="QJ").vertices])
 
 
 def add_hand(

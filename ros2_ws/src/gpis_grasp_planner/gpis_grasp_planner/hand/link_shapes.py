@@ -1,0 +1,228 @@
+"""Shapes of a URDF's links as meshes in metres: boxes, cylinders, spheres and mesh files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
+from gpis_grasp_planner.geometry.mesh import TriangleMesh
+from gpis_grasp_planner.geometry.mesh_file import READERS
+from gpis_grasp_planner.geometry.transforms import apply, rotation_from_rpy, transform
+from gpis_grasp_planner.hand.link_mesh import convex_hull, fewest_vertices, read_stl
+
+Array = NDArray[np.float64]
+
+# Corners of a cylinder's and a sphere's circles: their faces lie 0.5 and 1.2 per cent inside.
+_ROUND, _ROUND_OF_BALL = 32, 20
+_RINGS = 12
+_MOST_FACES = 1_000_000
+_MOST_CORNERS = 256
+_HULL_TOLERANCE_M = 5e-5
+_PRIMITIVES = ("box", "cylinder", "sphere")
+_SHAPES = "a box, a cylinder, a sphere or a mesh file (" + ", ".join(READERS) + ")"
+
+
+def link_shapes(
+    path: Path, links: Sequence[ET.Element], kind: str, hulls: bool = False
+) -> tuple[tuple[TriangleMesh, ...], ...]:
+    """The `collision` or `visual` shapes of links, in the links' frames.
+
+    Collision shapes are taken as convex; with `hulls` their convex hulls are, of 256 corners at
+    most.
+
+    Raises
+    ------
+    RequestError
+        For a shape of another kind, or one for collisions that has too many corners.
+    MeshError
+        For a mesh file that is not there, damaged, or of another format.
+    """
+    known: dict[bytes, TriangleMesh] = {}
+    result = []
+    for link in links:
+        pieces = []
+        for shape in link.findall(kind):
+            geometry = shape.find("geometry")
+            key = b"" if geometry is None else ET.tostring(geometry)
+            if key not in known:
+                known[key] = _shape(path, link, kind, geometry)
+                if kind == "collision":
+                    known[key] = _solid(known[key], hulls, f"link '{link.get('name')}' of '{path}'")
+            piece, T_link_piece = known[key], origin_of(shape)
+            if not np.array_equal(T_link_piece, np.eye(4)):
+                piece = TriangleMesh(apply(T_link_piece, piece.vertices), piece.faces)
+            pieces.append(piece)
+        result.append(tuple(pieces))
+    return tuple(result)
+
+
+def is_readable(link: ET.Element) -> bool:
+    """Whether :func:`link_shapes` knows the kinds of all of a link's visual shapes."""
+    for shape in link.findall("visual"):
+        mesh = shape.find("geometry/mesh")
+        if mesh is None:
+            if all(shape.find(f"geometry/{name}") is None for name in _PRIMITIVES):
+                return False
+        elif Path(mesh.get("filename", "")).suffix.lower() not in READERS:
+            return False
+    return True
+
+
+def mesh_path(urdf_path: Path, name: str) -> Path:
+    """Where a mesh file is that a URDF names: beside it, by ``file://``, or by ``package://``.
+
+    A package is looked for among the folders above the URDF and beside them, and where
+    ``AMENT_PREFIX_PATH`` says.
+
+    Raises
+    ------
+    MeshError
+        If there is no such package.
+    """
+    uri = urlparse(name)
+    if uri.scheme == "file":
+        return Path(unquote(uri.path))
+    if uri.scheme != "package":
+        return urdf_path.parent / name
+    inside = unquote(uri.path).lstrip("/")
+    above = urdf_path.resolve().parents
+    folders = [folder for folder in above if folder.name == uri.netloc]
+    folders += [folder / uri.netloc for folder in above]
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    folders += [Path(prefix) / "share" / uri.netloc for prefix in prefixes if prefix]
+    for folder in folders:
+        if (folder / inside).exists():
+            return folder / inside
+    raise MeshError(
+        f"'{urdf_path}' names the mesh '{name}', which is in no folder above the URDF and in no "
+        "package of AMENT_PREFIX_PATH. Source the workspace that has the package, or name the mesh "
+        "relative to the URDF.",
+        ErrorCode.MESH_UNREADABLE,
+    )
+
+
+def origin_of(element: ET.Element) -> Array:
+    """Pose (4, 4) by an element's <origin>; the identity without one."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    R = rotation_from_rpy(numbers(origin.get("rpy", "0 0 0")))
+    return transform(R, numbers(origin.get("xyz", "0 0 0")))
+
+
+def numbers(text: str) -> Array:
+    """The numbers of an attribute."""
+    return np.array([float(word) for word in text.split()])
+
+
+def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None) -> TriangleMesh:
+    shape = None if geometry is None else next(iter(geometry), None)
+    if shape is not None and shape.tag == "mesh":
+        return _scaled(
+            _read(mesh_path(path, shape.get("filename", ""))), numbers(shape.get("scale", "1 1 1"))
+        )
+    if shape is not None and shape.tag == "box":
+        return _box(numbers(shape.get("size", "0 0 0")))
+    if shape is not None and shape.tag == "cylinder":
+        radius, half = float(shape.get("radius", 0)), 0.5 * float(shape.get("length", 0))
+        return _revolved([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], _ROUND)
+    if shape is not None and shape.tag == "sphere":
+        angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _RINGS + 1)
+        radius = float(shape.get("radius", 0))
+        return _revolved([(radius * np.cos(a), radius * np.sin(a)) for a in angle], _ROUND_OF_BALL)
+    what = "none" if shape is None else f"'{shape.tag}'"
+    raise RequestError(
+        f"Link '{link.get('name')}' of '{path}' has a {kind} shape that is {what}; give {_SHAPES}."
+    )
+
+
+def _solid(mesh: TriangleMesh, hulls: bool, where: str) -> TriangleMesh:
+    if hulls:
+        corners = convex_hull(mesh.vertices).vertices
+        return convex_hull(fewest_vertices(corners, _HULL_TOLERANCE_M, _MOST_CORNERS))
+    if len(mesh.vertices) > _MOST_CORNERS:
+        raise RequestError(
+            f"A collision shape of {where} has {len(mesh.vertices)} corners; the convex pieces of "
+            f"a hand have {_MOST_CORNERS} at most. Divide it into convex pieces, or take the "
+            "convex hull of every shape by 'collision_hulls: true' in the hand's YAML file."
+        )
+    return mesh
+
+
+def _read(path: Path) -> TriangleMesh:
+    """A mesh file in its own numbers, which URDF takes as metres."""
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise MeshError(
+            f"Link mesh '{path}' is not of a known format; give {_SHAPES}.",
+            ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+        )
+    if suffix == ".stl" and not _is_text(path):
+        return read_stl(path)
+    try:
+        parsed = READERS[suffix](path.read_bytes(), path.name, _MOST_FACES)
+    except OSError as error:
+        raise MeshError(
+            f"Cannot read the link mesh '{path}': {error.strerror}. Correct the mesh name in the "
+            "hand's URDF.",
+            ErrorCode.MESH_UNREADABLE,
+        ) from error
+    vertices, faces = np.unique(parsed.vertices[parsed.faces.ravel()], axis=0, return_inverse=True)
+    return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.int32))
+
+
+def _is_text(path: Path) -> bool:
+    """Whether an STL file is not binary: its length is not that of its face count."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(84)
+    except OSError:
+        return False
+    n_faces = int.from_bytes(head[80:84].ljust(4, b"\0"), "little")
+    return head.lstrip().startswith(b"solid") and path.stat().st_size != 84 + 50 * n_faces
+
+
+def _scaled(mesh: TriangleMesh, scale: Array) -> TriangleMesh:
+    if (scale == 1.0).all():
+        return mesh
+    scale = np.broadcast_to(scale, 3)
+    # A mirrored mesh has its faces turned, to look outwards again.
+    faces = mesh.faces if np.prod(scale) > 0.0 else mesh.faces[:, ::-1]
+    return TriangleMesh(mesh.vertices * scale, np.ascontiguousarray(faces))
+
+
+def _box(size: Array) -> TriangleMesh:
+    """A box (3,) [m] about the origin."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    # counter-clockwise seen from outside; corner 4 i + 2 j + k
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = [(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]
+    return TriangleMesh(corners * size, np.array(faces, dtype=np.int32))
+
+
+def _revolved(profile: Sequence[tuple[float, float]], n: int) -> TriangleMesh:
+    """A body of revolution about z by a profile of (radius, z), from bottom to top [m].
+
+    Its ends lie on the axis; its circles have `n` corners.
+    """
+    inner = profile[1:-1]
+    turn = 2.0 * np.pi * np.arange(n) / n
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    rings = [np.column_stack([r * circle, np.full(n, z)]) for r, z in inner]
+    ends = np.array([[0.0, 0.0, profile[0][1]], [0.0, 0.0, profile[-1][1]]])
+    bottom, top = n * len(inner), n * len(inner) + 1
+    here, there = np.arange(n), (np.arange(n) + 1) % n
+    faces = [np.stack([np.full(n, bottom), there, here], 1)]
+    for ring in range(len(inner) - 1):
+        a, b = here + n * ring, there + n * ring
+        faces += [np.stack([a, b, b + n], 1), np.stack([a, b + n, a + n], 1)]
+    last = n * (len(inner) - 1)
+    faces.append(np.stack([np.full(n, top), here + last, there + last], 1))
+    return TriangleMesh(np.concatenate([*rings, ends]), np.concatenate(faces).astype(np.int32))
