@@ -130,11 +130,6 @@ def write_hand(folder: Path) -> Path:
             "breakaway_torque": 0.3,
             "tip_force_n": 10,
         },
-        "eigengrasps": {
-            "origin": [0.0] * 5,
-            "amplitude_limit": 1.5,
-            "directions": [[0.0, 0.0, 1.0, 1.0, 1.0]],
-        },
         "desired_contacts": {"palm": []},
     }
     path = folder / "mine.yaml"
@@ -171,6 +166,11 @@ def test_it_is_read_without_a_fault(planner):
     np.testing.assert_allclose(hand.preshape.unit, [1.0, 0.05])
     assert [len(finger.links) for finger in hand.fingers] == [2, 3, 3]
     np.testing.assert_array_equal(hand.first_joint, [1, 0, 0])
+    # Every motor is a degree of freedom of its own, over all of its way.
+    space = hand.eigengrasps
+    for sign, end in ((-1.0, hand.motor_lower), (1.0, hand.motor_upper)):
+        found = space.origin + sign * space.amplitude_limit * np.ones(5) @ space.directions
+        np.testing.assert_allclose(found, end, atol=1e-12)
 
 
 def test_free_fingers_follow_their_own_first_rows(planner):
@@ -292,7 +292,12 @@ def test_a_trial_sets_the_pre_shape_that_the_grasp_has(planner, catalogue):
         (lambda d: d["fingers"][0].update(closing_rows=ROWS["left"]), "a finger of 2 links needs"),
         (lambda d: d["fingers"][0].update(spread_joint="x"), "under 'preshape' now"),
         (lambda d: d["drive"]["motor_names"].insert(0, "fan"), "one for each finger"),
-        (lambda d: d["eigengrasps"].update(directions=[[1.0] * 4]), "give each 5 numbers"),
+        (
+            lambda d: d.update(
+                eigengrasps={"origin": [0.0] * 4, "directions": [[1.0] * 4], "amplitude_limit": 1}
+            ),
+            "give each 5 numbers",
+        ),
     ],
 )
 def test_descriptions_that_contradict_themselves_are_refused(path, tmp_path, change, said):

@@ -204,9 +204,11 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
             f"The root of '{urdf_path}' is '{tree.link_names[0]}', but the hand's YAML names "
             f"'{data['palm_link']}' as palm link; make them agree."
         )
-    palm_like = set(data["palm_friction_links"])
+    palm_like = set(data.get("palm_friction_links", [data["palm_link"]]))
     fingers = tuple(read_finger(tree, entry, data["drive"]) for entry in data["fingers"])
     closing = [joint for finger in fingers for joint in finger.joints]
+    preshape = read_preshape(data.get("preshape", ()), tree.joint_names, tree.joint_slides, closing)
+    drive = read_drive(data["drive"], [finger.closing_ratio for finger in fingers])
     hand = HandDescription(
         **{f.name: getattr(tree, f.name) for f in fields(UrdfTree)},
         name=name,
@@ -217,16 +219,10 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         link_friction_group=tuple(
             "palm" if link in palm_like else "finger" for link in tree.link_names
         ),
-        preshape=read_preshape(
-            data.get("preshape", ()), tree.joint_names, tree.joint_slides, closing
-        ),
+        preshape=preshape,
         fingers=fingers,
-        drive=read_drive(data["drive"], [finger.closing_ratio for finger in fingers]),
-        eigengrasps=Eigengrasps(
-            origin=np.array(data["eigengrasps"]["origin"], dtype=float),
-            directions=np.array(data["eigengrasps"]["directions"], dtype=float),
-            amplitude_limit=float(data["eigengrasps"]["amplitude_limit"]),
-        ),
+        drive=drive,
+        eigengrasps=_eigengrasps(data.get("eigengrasps"), preshape, drive),
         desired_contacts=_desired_contacts(data, fingers, turn),
         contact_patches=bool(data.get("contact_patches", False)),
     )
@@ -309,6 +305,19 @@ def _is_parallel_pair(hand: HandDescription) -> bool:
     ]
     same_travel = hand.joint_upper[joints[0]] == hand.joint_upper[joints[1]]
     return bool(np.allclose(axes[0], -axes[1], atol=1e-9) and same_travel)
+
+
+def _eigengrasps(data: Mapping[str, Any] | None, preshape: Preshape, drive: Drive) -> Eigengrasps:
+    """The posture space of the file; without one every motor by itself, about the middle."""
+    if data is not None:
+        return Eigengrasps(
+            origin=np.array(data["origin"], dtype=float),
+            directions=np.array(data["directions"], dtype=float),
+            amplitude_limit=float(data["amplitude_limit"]),
+        )
+    lower = np.concatenate([preshape.lower, drive.motor_lower])
+    half = 0.5 * (np.concatenate([preshape.upper, drive.motor_upper]) - lower)
+    return Eigengrasps(lower + half, np.diag(half), 1.0)
 
 
 def _desired_contacts(
