@@ -7,7 +7,7 @@ anywhere (docs/hands.md); the code knows no hand by name except the default.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +21,7 @@ from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.drive_train import Drive, check_limits, read_drive
 from gpis_grasp_planner.hand.finger import Finger, read_finger
 from gpis_grasp_planner.hand.mimic import check_mimic
+from gpis_grasp_planner.hand.pads import pad_of_palm, pads_of_link
 from gpis_grasp_planner.hand.palm_turn import palm_turn
 from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M, Preshape, read_preshape
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
@@ -223,7 +224,7 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         fingers=fingers,
         drive=drive,
         eigengrasps=_eigengrasps(data.get("eigengrasps"), preshape, drive),
-        desired_contacts=_desired_contacts(data, fingers, turn),
+        desired_contacts=_desired_contacts(data, tree, fingers, turn),
         contact_patches=bool(data.get("contact_patches", False)),
     )
     check_mimic(tree, hand.preshape, fingers, hand.drive)
@@ -321,23 +322,42 @@ def _eigengrasps(data: Mapping[str, Any] | None, preshape: Preshape, drive: Driv
 
 
 def _desired_contacts(
-    data: Mapping[str, Any], fingers: tuple[Finger, ...], turn: Array
+    data: Mapping[str, Any], tree: UrdfTree, fingers: tuple[Finger, ...], turn: Array
 ) -> DesiredContacts:
-    general = data["desired_contacts"]
-    wanted = [(0, entry) for entry in general["palm"]]
+    """Those that the file gives, for all fingers or for one; else by the shapes (`hand.pads`)."""
+    general = data.get("desired_contacts", {})
+    if "palm" in general:
+        of_palm = [(p @ turn.T, n @ turn.T) for p, n in _places(general["palm"])]
+    else:
+        of_palm = pad_of_palm(tree.link_collision[0])
+    wanted = [(0, *place) for place in of_palm]
     for finger, own in zip(fingers, data["fingers"], strict=True):
-        of_links = own["desired_contacts"] if "desired_contacts" in own else general["links"]
-        for link, entries in zip(finger.links, of_links, strict=True):
-            wanted += [(link, entry) for entry in entries]
-    normals = np.array([entry["normal"] for _, entry in wanted], dtype=float)
-    points = np.array([entry["point_mm"] for _, entry in wanted], dtype=float) / 1000.0
-    of_palm = len(general["palm"])
-    points[:of_palm], normals[:of_palm] = points[:of_palm] @ turn.T, normals[:of_palm] @ turn.T
+        of_links = own.get("desired_contacts", general.get("links"))
+        if of_links is None:
+            found = [
+                pads_of_link(tree.link_collision[i], tree.joint_axis[i], tree.joint_slides[j])
+                for i, j in zip(finger.links, finger.joints, strict=True)
+            ]
+        else:
+            found = [_places(entries) for entries in of_links]
+        for link, places in zip(finger.links, found, strict=True):
+            wanted += [(link, *place) for place in places]
+    normals = np.array([normal for _, _, normal in wanted]).reshape(-1, 3)
     return DesiredContacts(
-        links=np.array([link for link, _ in wanted]),
-        points=points,
+        links=np.array([link for link, _, _ in wanted], dtype=np.int64),
+        points=np.array([point for _, point, _ in wanted]).reshape(-1, 3),
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
     )
+
+
+def _places(entries: Sequence[Mapping[str, Any]]) -> list[tuple[Array, Array]]:
+    return [
+        (
+            np.array(entry["point_mm"], dtype=float) / 1000.0,
+            np.array(entry["normal"], dtype=float),
+        )
+        for entry in entries
+    ]
 
 
 def _freeze(part: Any) -> None:
