@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.geometry.surface_samples import uniform_samples
 
 Array = NDArray[np.float64]
 
@@ -71,6 +70,8 @@ def pad_of_palm(pieces: Sequence[TriangleMesh]) -> list[tuple[Array, Array]]:
 
 
 def _samples(pieces: Sequence[TriangleMesh]) -> tuple[Array, Array]:
+    from gpis_grasp_planner.geometry.surface_samples import uniform_samples  # SciPy, 40 MB
+
     made = [uniform_samples(piece, _SAMPLES, seed=0) for piece in pieces]
     return np.concatenate([m.points for m in made]), np.concatenate(
         [m.normals_outward for m in made]
