@@ -5,6 +5,7 @@ from __future__ import annotations
 import runpy
 import shutil
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -17,8 +18,10 @@ from gpis_grasp_planner.geometry.transforms import inverse, transform
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.scene_settings import SceneSettings
 from gpis_grasp_planner.hand.description import HandDescription, load_hand
-from gpis_grasp_planner.hand.link_mesh import read_stl
+from gpis_grasp_planner.hand.link_shapes import read_link_mesh
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.verification.protocol import verify
+from gpis_grasp_planner.verification.settings import VerificationSettings
 
 
 def closed_on(hand: HandDescription, part: Part, center_palm: np.ndarray | list[float]) -> Grasp:
@@ -38,6 +41,41 @@ def closed_on(hand: HandDescription, part: Part, center_palm: np.ndarray | list[
     )
 
 
+def box_link(name: str, size: tuple[float, ...], center: tuple[float, ...]) -> str:
+    """URDF text of a link that is a box of edges `size` about `center` [m]."""
+    at, edges = (" ".join(map(str, v)) for v in (center, size))
+    return (
+        f'<link name="{name}"><inertial><mass value="0.04"/></inertial><collision>'
+        f'<origin xyz="{at}"/><geometry><box size="{edges}"/></geometry></collision></link>'
+    )
+
+
+def joint_about(
+    name: str,
+    parent: str,
+    origin: str,
+    ends: tuple[float, float],
+    kind: str = "revolute",
+    axis: str = "0 0 1",
+) -> str:
+    """URDF text of the joint ``<name>_joint`` that moves link `name` between two ends."""
+    return (
+        f'<joint name="{name}_joint" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
+        f'<origin {origin}/><axis xyz="{axis}"/>'
+        f'<limit lower="{ends[0]}" upper="{ends[1]}" velocity="3" effort="4"/></joint>'
+    )
+
+
+def held_in_both_engines(part: Part, hand: HandDescription, grasps: Sequence[Grasp]) -> None:
+    """That both engines try all grasps, and see some of them held."""
+    for engine in ("mujoco", "bullet"):
+        verdicts = verify(part, hand, grasps, VerificationSettings(engine=engine))
+        held = [verdict.held for verdict in verdicts]
+        print(engine, held)
+        assert [verdict.engine for verdict in verdicts] == [engine] * len(grasps)
+        assert any(held)
+
+
 def assert_files_are_as_written(hand: HandDescription, directory: Path, n_files: int) -> None:
     """That the script beside a hand's model writes what is kept, into an empty directory."""
     folder = hand.urdf_path.parent
@@ -48,7 +86,7 @@ def assert_files_are_as_written(hand: HandDescription, directory: Path, n_files:
         if name.suffix == ".urdf":
             assert (directory / name).read_bytes() == (folder / name).read_bytes()
         else:  # hulls may list their faces in another order on another SciPy
-            fresh, kept = read_stl(directory / name), read_stl(folder / name)
+            fresh, kept = read_link_mesh(directory / name), read_link_mesh(folder / name)
             np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
 
 

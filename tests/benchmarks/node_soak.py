@@ -142,6 +142,8 @@ class Soak:
                 beside.append(self._client.call(0, request_for("mug"))[1])
                 time.sleep(0.01)
             codes = sum(asked.get(LIMIT_S), Counter())
+            pool.close()
+            pool.join()  # as in `in_processes`
         print(line("cached answer beside 12 clients with covariances", beside))
         print(f"| their answers by code | {dict(codes)} |")
 

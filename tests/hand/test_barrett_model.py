@@ -16,7 +16,7 @@ from gpis_grasp_planner.hand.barrett_model import (
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.drive import joints_from_motors
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.hand.link_mesh import read_stl
+from gpis_grasp_planner.hand.link_shapes import read_link_mesh
 
 PIECES = [
     (name, index)
@@ -49,7 +49,7 @@ def test_the_shipped_files_are_what_the_generator_writes(tmp_path):
             assert (tmp_path / name).read_bytes() == (shipped / name).read_bytes()
         else:
             # Hulls may list their faces in another order on another SciPy.
-            fresh, kept = read_stl(tmp_path / name), read_stl(shipped / name)
+            fresh, kept = read_link_mesh(tmp_path / name), read_link_mesh(shipped / name)
             assert len(fresh.faces) == len(kept.faces)
             np.testing.assert_allclose(fresh.vertices, kept.vertices, atol=1e-8)
 

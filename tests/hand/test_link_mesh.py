@@ -1,18 +1,15 @@
-"""Hulls, mass properties of solids with known answers, and the STL round trip."""
+"""Hulls, and mass properties of solids with known answers."""
 
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from gpis_grasp_planner.errors import MeshError
 from gpis_grasp_planner.hand.link_mesh import (
     convex_hull,
     fewest_vertices,
     inertia_from_moments,
-    read_stl,
     solid_properties,
-    write_stl,
 )
 
 BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-2, 2) for z in (-3, 3)]) * 0.5
@@ -33,23 +30,6 @@ def test_a_box_has_the_textbook_inertia_wherever_it_stands():
     inertia = inertia_from_moments(moments - volume * np.outer(center, center))
     expected = 6.0 / 12.0 * np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
     np.testing.assert_allclose(inertia, R @ expected @ R.T, atol=1e-9)
-
-
-def test_stl_round_trip_keeps_the_solid(tmp_path):
-    mesh = convex_hull(BOX)
-    write_stl(mesh, tmp_path / "box.stl")
-    back = read_stl(tmp_path / "box.stl")
-    assert len(back.vertices) == 8
-    np.testing.assert_array_equal(back.triangles, mesh.triangles)
-
-
-@pytest.mark.parametrize("length", [0, 40, 84, 200])
-def test_a_truncated_stl_is_refused(tmp_path, length):
-    path = tmp_path / "box.stl"
-    write_stl(convex_hull(BOX), path)
-    path.write_bytes(path.read_bytes()[:length])
-    with pytest.raises(MeshError, match="bytes where"):
-        read_stl(path)
 
 
 def test_few_vertices_span_the_same_body(rng):

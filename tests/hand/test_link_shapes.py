@@ -10,7 +10,7 @@ import trimesh
 
 from gpis_grasp_planner.errors import MeshError, RequestError
 from gpis_grasp_planner.hand.link_mesh import convex_hull, solid_properties, write_stl
-from gpis_grasp_planner.hand.link_shapes import link_shapes, mesh_path
+from gpis_grasp_planner.hand.link_shapes import link_shapes, mesh_path, read_link_mesh
 
 CUBE = convex_hull([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 2)])
 
@@ -104,7 +104,7 @@ def test_a_shape_of_many_corners_is_refused_or_taken_as_its_hull(tmp_path):
     ("geometry", "error", "said"),
     [
         ('<capsule radius="1" length="1"/>', RequestError, "'capsule'; give a box, a cylinder"),
-        ("", RequestError, "shape that is none"),
+        ("", RequestError, "shape that is 'nothing'"),
         ('<mesh filename="hand.dae"/>', MeshError, "not of a known format"),
         ('<mesh filename="missing.obj"/>', MeshError, "No such file"),
         ('<mesh filename="missing.stl"/>', MeshError, "No such file"),
@@ -113,3 +113,20 @@ def test_a_shape_of_many_corners_is_refused_or_taken_as_its_hull(tmp_path):
 def test_what_cannot_be_read_is_said(tmp_path, geometry, error, said):
     with pytest.raises(error, match=said):
         shapes(tmp_path, geometry)
+
+
+def test_stl_round_trip_keeps_the_solid(tmp_path):
+    mesh = CUBE
+    write_stl(mesh, tmp_path / "box.stl")
+    back = read_link_mesh(tmp_path / "box.stl")
+    assert len(back.vertices) == 8
+    np.testing.assert_array_equal(back.triangles, mesh.triangles)
+
+
+@pytest.mark.parametrize("length", [0, 40, 84, 200])
+def test_a_truncated_stl_is_refused(tmp_path, length):
+    path = tmp_path / "box.stl"
+    write_stl(CUBE, path)
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(MeshError, match=r"box\.stl"):
+        read_link_mesh(path)

@@ -1,8 +1,4 @@
-"""Convex pieces of hand links: hulls of points, their mass properties, and binary STL files.
-
-The STL reader is for this project's own pieces (closed, convex, a few hundred faces) and costs
-well under a millisecond; parts to be grasped come through ``geometry.mesh_file`` instead.
-"""
+"""Convex pieces of hand links: hulls of points, their mass properties, and how they are written."""
 
 from __future__ import annotations
 
@@ -11,11 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 
 Array = NDArray[np.float64]
 
+# Of a piece at most. The compiled loops place a piece into room for so many.
+MOST_CORNERS = 256
 _STL_HEADER_BYTES = 80
 _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -91,34 +88,3 @@ def write_stl(mesh: TriangleMesh, path: Path) -> None:
     records["corners"] = mesh.triangles
     header = b"convex piece of a hand link, metres".ljust(_STL_HEADER_BYTES)
     path.write_bytes(header + np.uint32(len(records)).tobytes() + records.tobytes())
-
-
-def read_stl(path: Path) -> TriangleMesh:
-    """Read a binary STL in metres and weld its corners.
-
-    Raises
-    ------
-    MeshError
-        If the file is missing or its length does not match its face count.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise MeshError(
-            f"Cannot read the link mesh '{path}': {error.strerror}. Reinstall the package or "
-            "correct the mesh name in the hand's URDF.",
-            ErrorCode.MESH_UNREADABLE,
-        ) from error
-    start = _STL_HEADER_BYTES + 4
-    n_faces = int(np.frombuffer(data[_STL_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
-    expected = start + n_faces * _STL_FACE.itemsize
-    if n_faces == 0 or len(data) != expected:
-        raise MeshError(
-            f"Link mesh '{path}' has {len(data)} bytes where {n_faces} faces take {expected}. "
-            "Link meshes are binary STL in metres; export the file again.",
-            ErrorCode.MESH_UNREADABLE,
-        )
-    records = np.frombuffer(data, dtype=_STL_FACE, offset=start)
-    corners = np.ascontiguousarray(records["corners"]).reshape(-1, 3)
-    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
-    return TriangleMesh(vertices.astype(float), faces.reshape(-1, 3).astype(np.int32))

@@ -15,15 +15,14 @@ from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.mesh_file import READERS
 from gpis_grasp_planner.geometry.transforms import apply, rotation_from_rpy, transform
-from gpis_grasp_planner.hand.link_mesh import convex_hull, fewest_vertices, read_stl
+from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS, convex_hull, fewest_vertices
 
 Array = NDArray[np.float64]
 
 # Corners of a cylinder's and a sphere's circles: their faces lie 0.5 and 1.2 per cent inside.
-_ROUND, _ROUND_OF_BALL = 32, 20
+_ROUND, _OF_BALL = 32, 20
 _RINGS = 12
 _MOST_FACES = 1_000_000
-_MOST_CORNERS = 256
 _HULL_TOLERANCE_M = 5e-5
 _PRIMITIVES = ("box", "cylinder", "sphere")
 _SHAPES = "a box, a cylinder, a sphere or a mesh file (" + ", ".join(READERS) + ")"
@@ -108,6 +107,39 @@ def mesh_path(urdf_path: Path, name: str) -> Path:
     )
 
 
+def read_link_mesh(path: Path) -> TriangleMesh:
+    """A mesh file in its own numbers, which URDF takes as metres; equal corners are one.
+
+    Raises
+    ------
+    MeshError
+        If it is missing, damaged, or of another format.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise MeshError(
+            f"Link mesh '{path}' is not of a known format; give {_SHAPES}.",
+            ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+        )
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MeshError(
+            f"Cannot read the link mesh '{path}': {error.strerror}. Reinstall the package or "
+            "correct the mesh name in the hand's URDF.",
+            ErrorCode.MESH_UNREADABLE,
+        ) from error
+    parsed = READERS[suffix](data, path.name, _MOST_FACES)
+    if parsed.doubt:
+        raise MeshError(
+            f"Link mesh '{path}' is probably not whole: {parsed.doubt}. Export it again.",
+            ErrorCode.MESH_UNREADABLE,
+        )
+    corners = parsed.vertices[parsed.faces.ravel()]
+    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
+    return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.int32))
+
+
 def origin_of(element: ET.Element) -> Array:
     """Pose (4, 4) by an element's <origin>; the identity without one."""
     origin = element.find("origin")
@@ -123,70 +155,41 @@ def numbers(text: str) -> Array:
 
 
 def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None) -> TriangleMesh:
-    shape = None if geometry is None else next(iter(geometry), None)
-    if shape is not None and shape.tag == "mesh":
+    given = [] if geometry is None else list(geometry)
+    shape = given[0] if given else ET.Element("nothing")
+    if shape.tag == "mesh":
         return _scaled(
-            _read(mesh_path(path, shape.get("filename", ""))), numbers(shape.get("scale", "1 1 1"))
+            read_link_mesh(mesh_path(path, shape.get("filename", ""))),
+            numbers(shape.get("scale", "1 1 1")),
         )
-    if shape is not None and shape.tag == "box":
+    if shape.tag == "box":
         return _box(numbers(shape.get("size", "0 0 0")))
-    if shape is not None and shape.tag == "cylinder":
-        radius, half = float(shape.get("radius", 0)), 0.5 * float(shape.get("length", 0))
-        return _revolved([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], _ROUND)
-    if shape is not None and shape.tag == "sphere":
-        angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _RINGS + 1)
-        radius = float(shape.get("radius", 0))
-        return _revolved([(radius * np.cos(a), radius * np.sin(a)) for a in angle], _ROUND_OF_BALL)
-    what = "none" if shape is None else f"'{shape.tag}'"
+    if shape.tag == "cylinder":
+        half = 0.5 * float(shape.get("length", 0))
+        ring = float(shape.get("radius", 0)) * _circle(_ROUND)
+        return convex_hull([(x, y, z) for x, y in ring for z in (-half, half)])
+    if shape.tag == "sphere":
+        height = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _RINGS + 1)
+        points = [(*(np.cos(h) * xy), np.sin(h)) for h in height[1:-1] for xy in _circle(_OF_BALL)]
+        ends = [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0)]
+        return convex_hull(float(shape.get("radius", 0)) * np.array([*points, *ends]))
     raise RequestError(
-        f"Link '{link.get('name')}' of '{path}' has a {kind} shape that is {what}; give {_SHAPES}."
+        f"Link '{link.get('name')}' of '{path}' has a {kind} shape that is '{shape.tag}'; "
+        f"give {_SHAPES}."
     )
 
 
 def _solid(mesh: TriangleMesh, hulls: bool, where: str) -> TriangleMesh:
     if hulls:
         corners = convex_hull(mesh.vertices).vertices
-        return convex_hull(fewest_vertices(corners, _HULL_TOLERANCE_M, _MOST_CORNERS))
-    if len(mesh.vertices) > _MOST_CORNERS:
+        return convex_hull(fewest_vertices(corners, _HULL_TOLERANCE_M, MOST_CORNERS))
+    if len(mesh.vertices) > MOST_CORNERS:
         raise RequestError(
             f"A collision shape of {where} has {len(mesh.vertices)} corners; the convex pieces of "
-            f"a hand have {_MOST_CORNERS} at most. Divide it into convex pieces, or take the "
+            f"a hand have {MOST_CORNERS} at most. Divide it into convex pieces, or take the "
             "convex hull of every shape by 'collision_hulls: true' in the hand's YAML file."
         )
     return mesh
-
-
-def _read(path: Path) -> TriangleMesh:
-    """A mesh file in its own numbers, which URDF takes as metres."""
-    suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise MeshError(
-            f"Link mesh '{path}' is not of a known format; give {_SHAPES}.",
-            ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
-        )
-    if suffix == ".stl" and not _is_text(path):
-        return read_stl(path)
-    try:
-        parsed = READERS[suffix](path.read_bytes(), path.name, _MOST_FACES)
-    except OSError as error:
-        raise MeshError(
-            f"Cannot read the link mesh '{path}': {error.strerror}. Correct the mesh name in the "
-            "hand's URDF.",
-            ErrorCode.MESH_UNREADABLE,
-        ) from error
-    vertices, faces = np.unique(parsed.vertices[parsed.faces.ravel()], axis=0, return_inverse=True)
-    return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.int32))
-
-
-def _is_text(path: Path) -> bool:
-    """Whether an STL file is not binary: its length is not that of its face count."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(84)
-    except OSError:
-        return False
-    n_faces = int.from_bytes(head[80:84].ljust(4, b"\0"), "little")
-    return head.lstrip().startswith(b"solid") and path.stat().st_size != 84 + 50 * n_faces
 
 
 def _scaled(mesh: TriangleMesh, scale: Array) -> TriangleMesh:
@@ -198,6 +201,12 @@ def _scaled(mesh: TriangleMesh, scale: Array) -> TriangleMesh:
     return TriangleMesh(mesh.vertices * scale, np.ascontiguousarray(faces))
 
 
+def _circle(n: int) -> Array:
+    """Points (n, 2) of the unit circle."""
+    turn = 2.0 * np.pi * np.arange(n) / n
+    return np.column_stack([np.cos(turn), np.sin(turn)])
+
+
 def _box(size: Array) -> TriangleMesh:
     """A box (3,) [m] about the origin."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -205,24 +214,3 @@ def _box(size: Array) -> TriangleMesh:
     sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     faces = [(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]
     return TriangleMesh(corners * size, np.array(faces, dtype=np.int32))
-
-
-def _revolved(profile: Sequence[tuple[float, float]], n: int) -> TriangleMesh:
-    """A body of revolution about z by a profile of (radius, z), from bottom to top [m].
-
-    Its ends lie on the axis; its circles have `n` corners.
-    """
-    inner = profile[1:-1]
-    turn = 2.0 * np.pi * np.arange(n) / n
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    rings = [np.column_stack([r * circle, np.full(n, z)]) for r, z in inner]
-    ends = np.array([[0.0, 0.0, profile[0][1]], [0.0, 0.0, profile[-1][1]]])
-    bottom, top = n * len(inner), n * len(inner) + 1
-    here, there = np.arange(n), (np.arange(n) + 1) % n
-    faces = [np.stack([np.full(n, bottom), there, here], 1)]
-    for ring in range(len(inner) - 1):
-        a, b = here + n * ring, there + n * ring
-        faces += [np.stack([a, b, b + n], 1), np.stack([a, b + n, a + n], 1)]
-    last = n * (len(inner) - 1)
-    faces.append(np.stack([np.full(n, top), here + last, there + last], 1))
-    return TriangleMesh(np.concatenate([*rings, ends]), np.concatenate(faces).astype(np.int32))

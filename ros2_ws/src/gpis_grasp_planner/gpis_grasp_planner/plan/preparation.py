@@ -185,9 +185,9 @@ class Preparation:
                 _KIND,
                 self._disk_key(_key(part)),
                 {
-                    **{f"field.{f.name}": getattr(field, f.name) for f in fields(field)},
-                    **{f"tree.{f.name}": getattr(tree, f.name) for f in fields(tree)},
-                    **{f"coarse.{f.name}": getattr(coarse, f.name) for f in _fields_of(coarse)},
+                    **_named("field", field),
+                    **_named("tree", tree),
+                    **({} if coarse is None else _named("coarse", coarse)),
                     **{f"surface.{name}": a for name, a in made.surface.as_arrays().items()},
                     **{
                         f"{group}{k}.{f.name}": getattr(one, f.name)
@@ -329,8 +329,8 @@ def _drawn(k: int, arrays: Mapping[str, NDArray[Any]]) -> tuple[DistanceField, T
     return field, TriangleTree(**_of_group(f"tree{k}", arrays))
 
 
-def _fields_of(tree: TriangleTree | None) -> tuple[Any, ...]:
-    return () if tree is None else fields(tree)
+def _named(group: str, made: DistanceField | TriangleTree) -> dict[str, Any]:
+    return {f"{group}.{f.name}": getattr(made, f.name) for f in fields(made)}
 
 
 def _coarse(arrays: Mapping[str, NDArray[Any]]) -> TriangleTree | None:

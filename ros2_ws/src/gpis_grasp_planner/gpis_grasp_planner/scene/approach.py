@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
+from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS
 from gpis_grasp_planner.scene.palm import hand_gap
 from gpis_grasp_planner.scene.posture import exact_gap, place_hand
 
@@ -21,7 +22,7 @@ def approach_many(hand, obj, T, joints, reach, gap, threshold, palm_touches):  #
     n_links = hand.parent.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
-    work = np.empty((512, 3))
+    work = np.empty((MOST_CORNERS, 3))
     for b in range(T.shape[0]):
         moved = 0.0
         touches = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpis_grasp_planner.compiled import njit
+from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS
 from gpis_grasp_planner.quality.fast_epsilon import fast_epsilon
 from gpis_grasp_planner.quality.volume_estimate import volume_estimate
 from gpis_grasp_planner.scene.centring import centre_hand
@@ -126,8 +127,8 @@ def attempt_many_from(
     n_links = hand.parent.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
-    work = np.empty((512, 3))
-    other = np.empty((512, 3))
+    work = np.empty((MOST_CORNERS, 3))
+    other = np.empty((MOST_CORNERS, 3))
     wrenches = np.empty((MAX_CONTACTS * edges, 6))
     for b in range(T.shape[0]):
         status[b], count[b], epsilon[b], volume[b] = attempt_from(
@@ -143,7 +144,7 @@ def clear_many(hand, obj, T, normal, preshape, step, reach, turn, gap, standoff,
     n_links = hand.parent.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
-    work = np.empty((512, 3))
+    work = np.empty((MOST_CORNERS, 3))
     joints = np.zeros(hand.n_joints)
     for b in range(T.shape[0]):
         set_preshape(hand, preshape[b], joints)

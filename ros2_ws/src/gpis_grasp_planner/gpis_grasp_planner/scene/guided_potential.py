@@ -20,6 +20,7 @@ import numpy as np
 
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.triangle_tree import nearest_point
+from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS
 from gpis_grasp_planner.scene.force_hull import force_epsilon
 from gpis_grasp_planner.scene.free_hand import hand_is_free
 from gpis_grasp_planner.scene.posture import place_hand
@@ -118,8 +119,8 @@ def potential_many(hand, obj, T, joints, links, points, normals, energy):  # typ
     n = links.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
-    work = np.empty((512, 3))
-    other = np.empty((512, 3))
+    work = np.empty((MOST_CORNERS, 3))
+    other = np.empty((MOST_CORNERS, 3))
     distance_mm = np.empty(n)
     cosine = np.empty(n)
     outward = np.empty((n, 3))

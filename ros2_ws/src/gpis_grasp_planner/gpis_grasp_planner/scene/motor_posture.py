@@ -14,6 +14,7 @@ import numpy as np
 
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.distance_field import field_value
+from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS
 from gpis_grasp_planner.scene.posture import (
     coarse_step,
     exact_gap,
@@ -166,7 +167,7 @@ def postures_many(hand, obj, T, motors, gap, joints, points, inner_touches):  # 
     n_shape = hand.preshape_gain.shape[0]
     R = np.empty((n_links, 3, 3))
     t = np.empty((n_links, 3))
-    work = np.empty((512, 3))
+    work = np.empty((MOST_CORNERS, 3))
     of = np.empty(n)
     for b in range(T.shape[0]):
         q = joints[b]
