@@ -4,9 +4,11 @@ grasp_planner_node --ros-args -p pose_type:=detection3d_array -p "class_ids:=['c
 python detections.py
 """
 
+from contextlib import suppress
+
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from vision_msgs.msg import (
     Detection3D,
     Detection3DArray,
@@ -34,8 +36,8 @@ class Detector(Node):
         self._publisher.publish(array)
 
 
-rclpy.init()
-try:
+# rclpy's own handler takes the context from under a callback that is about to publish.
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+with suppress(KeyboardInterrupt):
     rclpy.spin(Detector())
-except (KeyboardInterrupt, ExternalShutdownException):
-    rclpy.try_shutdown()
+rclpy.shutdown()

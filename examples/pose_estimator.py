@@ -4,10 +4,12 @@ python pose_estimator.py
 ros2 service call /plan_grasp gpis_grasp_msgs/srv/PlanGrasp "{mesh_id: mug, time_budget: 5.0}"
 """
 
+from contextlib import suppress
+
 import rclpy
 from geometry_msgs.msg import PoseStamped
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 
 class PoseEstimator(Node):
@@ -27,8 +29,8 @@ class PoseEstimator(Node):
         self._publisher.publish(message)
 
 
-rclpy.init()
-try:
+# rclpy's own handler takes the context from under a callback that is about to publish.
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+with suppress(KeyboardInterrupt):
     rclpy.spin(PoseEstimator())
-except (KeyboardInterrupt, ExternalShutdownException):
-    rclpy.try_shutdown()
+rclpy.shutdown()

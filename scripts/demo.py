@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ import rclpy
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
@@ -57,7 +58,7 @@ LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 def publish_pose() -> None:
     """Be the pose estimator: publish the mug's pose five times a second until told to stop."""
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = Node("pose_estimator")
     publisher = node.create_publisher(PoseStamped, "object_pose", 1)
     message = PoseStamped(pose=object_pose())
@@ -68,12 +69,9 @@ def publish_pose() -> None:
         publisher.publish(message)
 
     node.create_timer(0.2, tick)
-    try:
-        while rclpy.ok():
-            rclpy.spin_once(node, timeout_sec=0.5)
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
-        pass
-    rclpy.try_shutdown()
+    with suppress(KeyboardInterrupt):
+        rclpy.spin(node)
+    rclpy.shutdown()
 
 
 def object_pose() -> Pose:

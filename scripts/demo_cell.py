@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 # Set before rclpy is imported: the demo shall neither hear nor disturb what else runs here.
@@ -28,6 +28,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 from scipy.spatial.transform import Rotation
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import (
@@ -215,14 +216,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cell", action="store_true", help=argparse.SUPPRESS)
     if parser.parse_args().cell:
-        rclpy.init()
-        node = Cell()
-        try:
-            while rclpy.ok():
-                rclpy.spin_once(node, timeout_sec=0.5)
-        except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
-            pass
-        rclpy.try_shutdown()
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        with suppress(KeyboardInterrupt):
+            rclpy.spin(Cell())
+        rclpy.shutdown()
         return 0
     return run()
 

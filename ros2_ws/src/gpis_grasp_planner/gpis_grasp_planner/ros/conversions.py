@@ -104,6 +104,8 @@ def verification_message(
         tests_passed=[outcome.name for outcome in trials.outcomes if outcome.passed],
         largest_slip=trials.largest_slip_m,
         largest_rotation=trials.largest_rotation_rad,
+        closing_slip=trials.outcomes[0].closing_slip_m,
+        closing_rotation=trials.outcomes[0].closing_rotation_rad,
     )
 
 
