@@ -158,7 +158,10 @@ def test_a_child_that_dies_or_hangs_costs_its_own_trial(
     number: signal.Signals,
 ) -> None:  # fmt: skip
     """Children are struck at random moments; every grasp is tried, no exception comes up."""
-    trials = make(replace(SETTINGS, trial_limit_s=1.5, processes=2, engine="mujoco"))
+    # A stopped child is known by its limit alone, which a busy machine lets others pass as well.
+    hangs = number == signal.SIGSTOP
+    limit_s = 1.5 if hangs else SETTINGS.trial_limit_s
+    trials = make(replace(SETTINGS, trial_limit_s=limit_s, processes=2, engine="mujoco"))
     grasps = [shifted(firm, i) for i in range(FAULTS)]
     struck = 0
     for grasp in grasps:
@@ -170,7 +173,8 @@ def test_a_child_that_dies_or_hangs_costs_its_own_trial(
             struck += 1
         trials.finish(1, time.monotonic() + 120.0, lambda: trials.n_tried >= len(grasps))
     assert struck >= FAULTS // 2
-    assert 0 < trials.n_lost <= struck
+    assert trials.n_lost > 0
+    assert hangs or trials.n_lost <= struck
     assert [trials.with_trials(grasp).trials is not None for grasp in grasps] == [True] * len(
         grasps
     )
