@@ -162,7 +162,7 @@ def test_a_batch_says_what_became_of_each(tmp_path: Path) -> None:
 
 
 def test_planners_are_compared(tmp_path: Path) -> None:
-    text = run(tmp_path, "compare_planners.py", "200")
+    text = run(tmp_path, "compare_planners.py", "100")
     figures = dict(re.findall(r"^(\S+) +mean epsilon .* (\S+)$", text, flags=re.MULTILINE))
     assert {"dual", "hpp", "paper", "random", "random-adaption"} <= set(figures)
     assert all(0.0 <= float(value) < 0.5 for value in figures.values())

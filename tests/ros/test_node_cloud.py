@@ -27,7 +27,7 @@ def test_a_cloud_is_a_part_of_the_catalogue_and_a_bad_one_is_refused(
     (tmp_path / "few.xyz").write_bytes(xyz(points[:50]))
     node = start_node({"mesh_directories": f"[{tmp_path}]", "default_verification": "rank"})
     node.wait_ready()
-    response = client.plan("ball", time_budget=30.0, n_grasps=5)
+    response = client.plan("ball", time_budget=15.0, n_grasps=5)
     assert response.success, response.message
     assert response.grasps
     assert any("Reconstructed from a cloud of 2500 points" in note for note in response.notes)

@@ -110,7 +110,7 @@ def test_what_a_node_publishes_is_shown_as_it_comes(tmp_path):
         LiveNode(tmp_path / "node.log", {"default_verification": "none"}),
         NodeClient("viewer_test") as client,
     ):
-        first = client.call(plan_request("sphere", time_budget=20.0, n_grasps=1))
+        first = client.call(plan_request("sphere", time_budget=8.0, n_grasps=1))
         assert first.success, first.message
         with viewer("--ros", "--port", "8261") as address, page_at(address) as page:
             page.get_by_text("sphere in the frame world").wait_for()
@@ -118,7 +118,7 @@ def test_what_a_node_publishes_is_shown_as_it_comes(tmp_path):
             choice = page.locator("input[aria-haspopup=listbox]").last
             assert choice.input_value() == epsilon
             sphere = picture(page, tmp_path / "sphere.png")
-            there = plan_request("mug", time_budget=30.0, n_grasps=1)
+            there = plan_request("mug", time_budget=12.0, n_grasps=1)
             there.object_pose.header.frame_id = "cell"
             second = client.call(there)
             assert second.success, second.message
