@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -205,3 +206,6 @@ def test_meshes_of_an_installed_package_have_uris_that_other_machines_can_follow
     inside = hand.urdf_path.parent.as_posix().rpartition("/gpis_grasp_planner/")[2]
     (tmp_path / inside).mkdir(parents=True)
     assert module._mesh_uri_prefix(hand) == f"package://gpis_grasp_planner/{inside}"
+    own = tmp_path / "own" / "hand.urdf"
+    own.parent.mkdir()
+    assert module._mesh_uri_prefix(replace(hand, urdf_path=own)) is None

@@ -33,7 +33,7 @@ def flask() -> Solid:
 
 
 def phone() -> Solid:
-    """A telephone handset: 200 mm long (x), 50 mm wide, ear and mouth piece facing down."""
+    """A telephone handset: 196 mm long (x), 50 mm wide, ear and mouth piece facing down."""
     return blended(_handset_distance, (-104, -30, -28), (104, 30, 22), 4.6)
 
 

@@ -63,7 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--evaluations",
         type=int,
         metavar="N",
-        help="end the search after N attempts, which makes it repeatable to the bit",
+        help="end the search after N attempts, which makes it repeatable to the bit where "
+        "--time does not end it first",
     )
     parser.add_argument(
         "--friction",
@@ -76,8 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verify",
         choices=VERIFICATIONS,
         default="rank",
-        help="try the finalists in physics, in half of the time: those that hold come first "
-        "(rank, the default), or are all that is answered (require)",
+        help="try grasps in physics, beside the search and in the last fifth of the time: those "
+        "that hold come first (rank, the default), or are all that is answered (require)",
     )
     parser.add_argument(
         "--planner",

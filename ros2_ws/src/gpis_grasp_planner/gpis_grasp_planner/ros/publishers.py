@@ -111,12 +111,16 @@ class GraspPublishers:
 
 
 def _mesh_uri_prefix(hand: HandDescription) -> str | None:
-    """``package://`` where the package is installed: RViz may run on another machine.
+    """``package://`` for a hand of the installed package: RViz may run on another machine.
 
-    None otherwise (started from the sources without colcon): ``file://`` URIs of this machine.
+    None otherwise (a hand from elsewhere, or started from the sources without colcon): ``file://``
+    URIs of this machine.
     """
     name = __name__.partition(".")[0]
-    inside = hand.urdf_path.parent.as_posix().rpartition(f"/{name}/")[2]
+    folder = hand.urdf_path.parent
+    if not folder.resolve().is_relative_to(Path(__file__).resolve().parents[1]):
+        return None
+    inside = folder.as_posix().rpartition(f"/{name}/")[2]
     try:
         installed = (get_package_share_path(name) / inside).is_dir()
     except PackageNotFoundError:

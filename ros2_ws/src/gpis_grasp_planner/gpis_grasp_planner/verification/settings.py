@@ -62,7 +62,8 @@ class VerificationSettings(SettingsGroup):
         6.0,
         low=0.01,
         high=100.0,
-        description="Heavier parts are tried with mass_kg instead of their CAD mass.",
+        description="Parts whose stated mass is more are refused; where it was only assumed they "
+        "are tried with mass_kg.",
     )
     acceleration_m_s2: float = setting(
         15.0, low=0.0, high=100.0, description="Acceleration along each of six directions."
