@@ -15,6 +15,7 @@ from gpis_grasp_planner.cli.grasp_table import (
     grasp_columns,
     order_text,
     trial_cells,
+    trials_text,
 )
 from gpis_grasp_planner.cli.main import main
 from gpis_grasp_planner.cli.tables import fitting, table_text
@@ -151,6 +152,13 @@ def test_a_cause_is_said_in_the_column(cause: str, grasps: tuple[Grasp, ...]) ->
     assert word in cause
     assert len(word) <= 11
     assert slip == ""
+
+
+def test_the_trial_that_decides_is_named(grasps: tuple[Grasp, ...]) -> None:
+    assert trials_text([replace(grasp, trials=None) for grasp in grasps]) == ""
+    assert trials_text(grasps) == (
+        "Holds: trials passed of those made; the first one decides: strict."
+    )
 
 
 def test_the_command_in_a_terminal_of_80_columns() -> None:

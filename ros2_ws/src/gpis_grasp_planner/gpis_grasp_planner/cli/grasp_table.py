@@ -87,6 +87,14 @@ def order_text(result: PlanResult) -> str:
     return f"Best first by {', '.join(rules)}; # counts from 0."
 
 
+def trials_text(grasps: Sequence[Grasp]) -> str:
+    """What the column "holds" counts, and which trial decides; empty where nothing was tried."""
+    names = [grasp.trials.outcomes[0].name for grasp in grasps if grasp.trials is not None]
+    return (
+        f"Holds: trials passed of those made; the first one decides: {names[0]}." if names else ""
+    )
+
+
 def trial_cells(grasp: Grasp) -> tuple[str, str]:
     """What physics said: trials passed of those made, or the cause; and the largest slip."""
     trials = grasp.trials

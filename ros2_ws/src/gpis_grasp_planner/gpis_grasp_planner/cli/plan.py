@@ -228,6 +228,8 @@ def _show(result: PlanResult) -> None:
     tables.print_table(grasp_table.grasp_columns(hand, result.grasps, verified, objective))
     print()
     tables.print_text(grasp_table.order_text(result))
+    if text := grasp_table.trials_text(result.grasps):
+        tables.print_text(text)
     tables.print_text(grasp_table.LEGEND)
     tables.print_text(
         f"{result.evaluations} attempts in {result.elapsed_s:.1f} s; friction "
