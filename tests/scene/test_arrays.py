@@ -1,7 +1,6 @@
 """Hand and object as arrays: what the compiled loops rely on."""
 
 import shutil
-from dataclasses import replace
 
 import numba
 import numpy as np
@@ -126,21 +125,20 @@ def test_a_damaged_file_of_a_hand_is_made_anew(kept):
 def test_a_change_of_the_hands_files_or_the_code_is_another_file(
     kept, monkeypatch, tmp_path_factory
 ):
-    hand = load_hand()
-    before = module.hand_key(hand, "scene/arrays.py")
+    before = module.hand_key(load_hand(), "scene/arrays.py")
     models = tmp_path_factory.mktemp("models") / "hand"
-    shutil.copytree(hand.urdf_path.parent, models)
-    copy = replace(
-        hand,
-        yaml_path=models / hand.yaml_path.name,
-        urdf_path=models / hand.urdf_path.name,
-    )
+    shutil.copytree(load_hand().urdf_path.parent, models)
+    [own] = models.glob("*.yaml")
+    copy = load_hand(str(own))
     assert module.hand_key(copy, "scene/arrays.py") == before
-    with next(models.rglob("*.yaml")).open("a") as file:
+    with own.open("a") as file:
         file.write("# edited\n")
-    assert module.hand_key(copy, "scene/arrays.py") != before
+    # The hand that was read keeps its key; the file's hand is another one.
+    assert module.hand_key(copy, "scene/arrays.py") == before
+    load_hand.cache_clear()
+    assert module.hand_key(load_hand(str(own)), "scene/arrays.py") != before
     monkeypatch.setattr(module, "code_version", lambda *_: "later")
-    assert module.hand_key(hand, "scene/arrays.py") != before
+    assert module.hand_key(load_hand(), "scene/arrays.py") != before
 
 
 def test_kept_surface_points_are_those_of_the_hand():

@@ -18,14 +18,15 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.hand.drive_train import Drive, check_limits, read_drive
+from gpis_grasp_planner.hand.drive_train import Drive, read_drive
 from gpis_grasp_planner.hand.finger import Finger, read_finger
 from gpis_grasp_planner.hand.mimic import check_mimic
 from gpis_grasp_planner.hand.pads import pad_of_palm, pads_of_link
 from gpis_grasp_planner.hand.palm_turn import palm_turn
 from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M, Preshape, read_preshape
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
-from gpis_grasp_planner.hand.urdf import UrdfTree, mesh_files, read_urdf, with_mesh_uris
+from gpis_grasp_planner.hand.structure import check_structure
+from gpis_grasp_planner.hand.urdf import UrdfTree, collision_meshes, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
 
@@ -70,6 +71,8 @@ class HandDescription(UrdfTree):
     desired_contacts : DesiredContacts
     contact_patches : bool
         Whether the fingers' links have flat pads, that touch with a patch (`scene.touch`).
+    digest : str
+        SHA-256 (hex) of the files as they were when the hand was read.
     """
 
     name: str
@@ -84,21 +87,14 @@ class HandDescription(UrdfTree):
     eigengrasps: Eigengrasps
     desired_contacts: DesiredContacts
     contact_patches: bool
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All files that the hand was read from."""
-        return (self.yaml_path, self.urdf_path, *mesh_files(self.urdf_path))
+    digest: str
 
     @property
     def identity(self) -> str:
         """The name; of a hand from a file of one's own with a hash, since the file may change."""
         if _models() in self.yaml_path.parents:
             return self.name
-        digest = hashlib.sha256()
-        for path in self.files:
-            digest.update(path.read_bytes())
-        return f"{self.name}#{digest.hexdigest()[:16]}"
+        return f"{self.name}#{self.digest[:16]}"
 
     def of_fingers(self, joints: Array) -> Array:
         """What the joints that closing moves have of (..., J) values, (..., F, D).
@@ -206,6 +202,11 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
             f"'{data['palm_link']}' as palm link; make them agree."
         )
     palm_like = set(data.get("palm_friction_links", [data["palm_link"]]))
+    if unknown := sorted(palm_like - set(tree.link_names)):
+        raise RequestError(
+            f"'palm_friction_links' of '{path}' names {unknown}, which the URDF does not have; it "
+            f"has {', '.join(tree.link_names)}."
+        )
     fingers = tuple(read_finger(tree, entry, data["drive"]) for entry in data["fingers"])
     closing = [joint for finger in fingers for joint in finger.joints]
     preshape = read_preshape(data.get("preshape", ()), tree.joint_names, tree.joint_slides, closing)
@@ -226,9 +227,10 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         eigengrasps=_eigengrasps(data.get("eigengrasps"), preshape, drive),
         desired_contacts=_desired_contacts(data, tree, fingers, turn),
         contact_patches=bool(data.get("contact_patches", False)),
+        digest=_digest(path, urdf_path, *collision_meshes(urdf_path)),
     )
     check_mimic(tree, hand.preshape, fingers, hand.drive)
-    _check(hand)
+    check_structure(hand)
     parts = (hand, hand.preshape, *fingers, hand.drive, hand.eigengrasps, hand.desired_contacts)
     for part in parts:
         _freeze(part)
@@ -249,63 +251,17 @@ def urdf_text(hand: HandDescription, mesh_uri_prefix: str | None = None) -> str:
     return with_mesh_uris(hand.urdf_path, prefix, hand.palm_turn)
 
 
+def _digest(*files: Path) -> str:
+    """Of what a hand is made of; later edits of the files do not belong to it."""
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
 def _models() -> Path:
     return Path(__file__).resolve().parent / "models"
-
-
-def _check(hand: HandDescription) -> None:
-    """Refuse what the closing does not know, see docs/decisions."""
-    for finger in hand.fingers:
-        slides = hand.joint_slides[list(finger.joints)]
-        if slides.any() and len(finger.joints) > 1:
-            raise RequestError(
-                f"Finger '{finger.name}' of '{hand.name}' has a sliding joint among "
-                f"{len(finger.joints)}; a finger that slides has that one joint only."
-            )
-        if (hand.joint_lower[list(finger.joints)] != 0.0).any():
-            raise RequestError(
-                f"A joint of finger '{finger.name}' of '{hand.name}' does not begin at 0, where "
-                "the open hand is; shift the joint's origin in the URDF."
-            )
-    n_motors = len(hand.fingers)
-    if len(hand.drive.motor_upper) != n_motors or len(hand.drive.motor_names) != n_motors:
-        raise RequestError(
-            f"The drive of '{hand.name}' names {len(hand.drive.motor_names)} motors with "
-            f"{len(hand.drive.motor_upper)} limits; give {n_motors}, one for each finger. What is "
-            "set before the hand closes is under 'preshape'."
-        )
-    n_degrees = len(hand.preshape) + n_motors
-    if hand.eigengrasps.directions.shape[1:] != (n_degrees,):
-        raise RequestError(
-            f"The eigengrasps of '{hand.name}' are of the shape "
-            f"{hand.eigengrasps.directions.shape}; give each {n_degrees} numbers: the pre-shape's "
-            "motors, then one for each finger."
-        )
-    if hand.drive.coupled and not _is_parallel_pair(hand):
-        raise RequestError(
-            f"'{hand.name}' is coupled, which is known for two fingers that slide towards each "
-            "other by the same amount only."
-        )
-    for finger, motor in zip(hand.fingers, hand.drive.motor_upper, strict=True):
-        check_limits(
-            f"finger '{finger.name}' of '{hand.name}'",
-            finger.closing_ratio,
-            hand.joint_upper[list(finger.joints)],
-            float(motor),
-        )
-
-
-def _is_parallel_pair(hand: HandDescription) -> bool:
-    joints = [joint for finger in hand.fingers for joint in finger.joints]
-    if len(joints) != 2 or not hand.joint_slides[joints].all():
-        return False
-    axes = [
-        hand.T_parent_joint[link][:3, :3] @ hand.joint_axis[link]
-        for finger in hand.fingers
-        for link in finger.links
-    ]
-    same_travel = hand.joint_upper[joints[0]] == hand.joint_upper[joints[1]]
-    return bool(np.allclose(axes[0], -axes[1], atol=1e-9) and same_travel)
 
 
 def _eigengrasps(data: Mapping[str, Any] | None, preshape: Preshape, drive: Drive) -> Eigengrasps:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gpis_grasp_planner.geometry.directions import even_directions
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 
 Array = NDArray[np.float64]
@@ -38,7 +39,8 @@ def fewest_vertices(points: Array, tolerance: float, most: int | None = None) ->
     Or `most` of them, if that is fewer.
 
     Greedy, from the extremes along the axes: the point farthest outside comes next. Where Qhull
-    cannot grow a hull (many points on one plane) all its corners are kept.
+    cannot grow a hull (many points on one plane) all its corners are kept, or the farthest in
+    `most` even directions.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -55,7 +57,10 @@ def fewest_vertices(points: Array, tolerance: float, most: int | None = None) ->
             chosen.append(index)
             hull.add_points(points[[index]])
     except QhullError:
-        return np.asarray(points[ConvexHull(points, qhull_options="QJ").vertices])
+        kept = ConvexHull(points, qhull_options="QJ").vertices
+        if most is not None and len(kept) > most:
+            kept = np.unique(np.argmax(points @ even_directions(most).T, axis=0))
+        return np.asarray(points[kept])
 
 
 def solid_properties(mesh: TriangleMesh) -> tuple[float, Array, Array]:

@@ -136,8 +136,10 @@ def read_link_mesh(path: Path) -> TriangleMesh:
             ErrorCode.MESH_UNREADABLE,
         )
     corners = parsed.vertices[parsed.faces.ravel()]
-    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
-    return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.int32))
+    vertices, merged = np.unique(corners, axis=0, return_inverse=True)
+    faces = merged.reshape(-1, 3).astype(np.int32)
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # not a line or a point
+    return TriangleMesh(vertices, faces[whole])
 
 
 def origin_of(element: ET.Element) -> Array:
@@ -163,16 +165,16 @@ def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None)
             numbers(shape.get("scale", "1 1 1")),
         )
     if shape.tag == "box":
-        return _box(numbers(shape.get("size", "0 0 0")))
+        return _box(_size(shape, "size", 3))
     if shape.tag == "cylinder":
-        half = 0.5 * float(shape.get("length", 0))
-        ring = float(shape.get("radius", 0)) * _circle(_ROUND)
+        half = 0.5 * float(_size(shape, "length")[0])
+        ring = _size(shape, "radius") * _circle(_ROUND)
         return convex_hull([(x, y, z) for x, y in ring for z in (-half, half)])
     if shape.tag == "sphere":
         height = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _RINGS + 1)
         points = [(*(np.cos(h) * xy), np.sin(h)) for h in height[1:-1] for xy in _circle(_OF_BALL)]
         ends = [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0)]
-        return convex_hull(float(shape.get("radius", 0)) * np.array([*points, *ends]))
+        return convex_hull(_size(shape, "radius") * np.array([*points, *ends]))
     raise RequestError(
         f"Link '{link.get('name')}' of '{path}' has a {kind} shape that is '{shape.tag}'; "
         f"give {_SHAPES}."
@@ -181,7 +183,7 @@ def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None)
 
 def _solid(mesh: TriangleMesh, hulls: bool, where: str) -> TriangleMesh:
     if hulls:
-        corners = convex_hull(mesh.vertices).vertices
+        corners = _hull(mesh.vertices, where).vertices
         return convex_hull(fewest_vertices(corners, _HULL_TOLERANCE_M, MOST_CORNERS))
     if len(mesh.vertices) > MOST_CORNERS:
         raise RequestError(
@@ -189,7 +191,35 @@ def _solid(mesh: TriangleMesh, hulls: bool, where: str) -> TriangleMesh:
             f"a hand have {MOST_CORNERS} at most. Divide it into convex pieces, or take the "
             "convex hull of every shape by 'collision_hulls: true' in the hand's YAML file."
         )
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+        raise RequestError(
+            f"A collision shape of {where} is not closed. Close it, or take the convex hull of "
+            "every shape by 'collision_hulls: true' in the hand's YAML file."
+        )
     return mesh
+
+
+def _hull(points: Array, where: str) -> TriangleMesh:
+    from scipy.spatial import QhullError
+
+    try:
+        return convex_hull(points)
+    except QhullError as error:
+        raise RequestError(
+            f"A collision shape of {where} has no volume; correct its size or its mesh."
+        ) from error
+
+
+def _size(shape: ET.Element, key: str, n: int = 1) -> Array:
+    """The sizes (n,) [m] of a box, cylinder or sphere."""
+    size = numbers(shape.get(key, "0"))
+    if len(size) != n or not np.isfinite(size).all() or not (size > 0.0).all():
+        raise RequestError(
+            f"A {shape.tag} of the hand's URDF has the {key} '{shape.get(key)}'; give {n} "
+            f"{'number' if n == 1 else 'numbers'} above 0, in metres."
+        )
+    return size
 
 
 def _scaled(mesh: TriangleMesh, scale: Array) -> TriangleMesh:

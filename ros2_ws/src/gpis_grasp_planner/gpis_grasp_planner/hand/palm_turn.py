@@ -45,7 +45,7 @@ def turn_root(robot: ET.Element, R: Array) -> None:
     """Turn the root link's frame of a URDF by R (3, 3), in place."""
     if np.array_equal(R, np.eye(3)):
         return
-    children = {joint.find("child").get("link") for joint in robot.iter("joint")}  # type: ignore[union-attr]
+    children = {joint.find("child").get("link") for joint in robot.findall("joint")}  # type: ignore[union-attr]
     for link in robot.findall("link"):
         if link.get("name") in children:
             continue

@@ -120,7 +120,10 @@ def read_preshape(
             "The joints do not tell the pre-shape's motors apart: their gains are "
             f"{gain.tolist()}. Give each motor a joint with a gain, and no two motors the same."
         )
-    lower, upper = (np.array([_end(e, which) for e in entries]) for which in ("lower", "upper"))
+    lower, upper = (
+        np.array([_end(e, which, u != 1.0) for e, u in zip(entries, unit, strict=True)])
+        for which in ("lower", "upper")
+    )
     travel_s = np.array([float(entry["full_travel_s"]) for entry in entries])
     if not (lower < upper).all() or not (travel_s > 0.0).all():
         raise RequestError(
@@ -139,8 +142,14 @@ def read_preshape(
     )
 
 
-def _end(entry: Mapping[str, Any], which: str) -> float:
+def _end(entry: Mapping[str, Any], which: str, slides: bool) -> float:
     """Lower or upper end of a motor [rad or m]; the lower is 0 where nothing is said."""
+    if f"{which}{'_deg' if slides else '_mm'}" in entry:
+        given, wanted = ("degrees", "mm") if slides else ("mm", "degrees")
+        raise RequestError(
+            f"The pre-shape's motor '{entry['name']}' has its {which} end in {given}, but its "
+            f"joints {'slide' if slides else 'turn'}: give {wanted}."
+        )
     if f"{which}_mm" in entry:
         return float(entry[f"{which}_mm"]) / 1000.0
     if which == "lower" and "lower_deg" not in entry:

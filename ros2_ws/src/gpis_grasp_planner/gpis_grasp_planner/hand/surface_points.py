@@ -65,14 +65,14 @@ def surface_points(
     if fine_spacing is None:
         fine_spacing = 0.0025 if hand.contact_patches else 0.005
     points, normals = [], []
-    shapes: dict[tuple[int, ...], tuple[Array, Array]] = {}
+    shapes: dict[tuple[object, ...], tuple[Array, Array]] = {}
     for link, pieces in enumerate(hand.link_collision):
         wanted = hand.desired_contacts.links == link
         grasping = (
             hand.desired_contacts.points[wanted],
             hand.desired_contacts.normals[wanted],
         )
-        key = tuple(id(piece) for piece in pieces)
+        key = (*map(id, pieces), *(places.tobytes() for places in grasping))
         if key not in shapes:  # fingers share their meshes
             shapes[key] = _cover(pieces, grasping, fine_spacing, coarse_spacing)
         points.append(shapes[key][0])

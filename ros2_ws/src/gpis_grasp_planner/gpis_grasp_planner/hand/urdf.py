@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -25,6 +26,9 @@ from gpis_grasp_planner.hand.link_shapes import (
 from gpis_grasp_planner.hand.palm_turn import turn_root
 
 Array = NDArray[np.float64]
+
+# Of a joint, with what URDF takes where nothing is said; the last two it asks for.
+_LIMITS = {"lower": "0", "upper": "0", "velocity": "nan", "effort": "nan"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,7 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
         ) from error
     if turn is not None:
         turn_root(robot, turn)
+    _drop_bare_ends(robot)
     links = {link.get("name", ""): link for link in robot.findall("link")}
     joints = robot.findall("joint")
     joint_of_child = {_child(joint, "child"): joint for joint in joints}
@@ -105,8 +110,8 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
     joint_names = tuple(joint.get("name", "") for joint in movable)
     limits = np.array(
         [
-            [float(_element(joint, "limit").get(key, "nan")) for joint in movable]
-            for key in ("lower", "upper", "velocity", "effort")
+            [float(_element(joint, "limit").get(key, default)) for joint in movable]
+            for key, default in _LIMITS.items()
         ]
     )
     n_links = len(order)
@@ -122,8 +127,7 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
         T_parent_joint[index] = origin_of(moving)
         if moving.get("name") in joint_names:
             link_joint[index] = joint_names.index(moving.get("name", ""))
-            axis = numbers(_element(moving, "axis").get("xyz", "1 0 0"))
-            joint_axis[index] = axis / np.linalg.norm(axis)
+            joint_axis[index] = _axis(moving)
     masses = [
         float(m.get("value", 0)) if (m := links[name].find("inertial/mass")) is not None else 0.0
         for name in order
@@ -146,9 +150,10 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
     )
 
 
-def mesh_files(path: Path) -> tuple[Path, ...]:
-    """The meshes that a URDF names, each once."""
-    names = {str(mesh.get("filename")) for mesh in ET.parse(path).getroot().iter("mesh")}
+def collision_meshes(path: Path) -> tuple[Path, ...]:
+    """The meshes of a URDF's collision shapes, each once."""
+    shapes = ET.parse(path).getroot().iter("collision")
+    names = {str(mesh.get("filename")) for shape in shapes for mesh in shape.iter("mesh")}
     return tuple(mesh_path(path, name) for name in sorted(names))
 
 
@@ -163,8 +168,10 @@ def with_mesh_uris(path: Path, mesh_uri_prefix: str, turn: Array | None = None) 
     prefix = mesh_uri_prefix.rstrip("/")
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
-        if "://" not in name:
-            mesh.set("filename", f"{prefix}/{name}")
+        if name.startswith("/"):
+            mesh.set("filename", Path(name).as_uri())
+        elif "://" not in name:
+            mesh.set("filename", f"{prefix}/{quote(name)}")
     return ET.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
@@ -203,6 +210,38 @@ def visual_shapes(
     seen = [links[n] if is_readable(links[n]) else bare for n in tree.link_names]
     visual = link_shapes(path, seen, "visual")
     return tuple(v or solid for v, solid in zip(visual, tree.link_collision, strict=True))
+
+
+def _drop_bare_ends(robot: ET.Element) -> None:
+    """Take out links without collision shapes that are fixed at an end, such as a tool's frame."""
+    while True:
+        parents = {_child(joint, "parent") for joint in robot.findall("joint")}
+        fixed = {_child(j, "child"): j for j in robot.findall("joint") if j.get("type") == "fixed"}
+        bare = [
+            link
+            for link in robot.findall("link")
+            if link.get("name") in fixed
+            and link.get("name") not in parents
+            and link.find("collision") is None
+        ]
+        for link in bare:
+            robot.remove(link)
+            robot.remove(fixed[link.get("name", "")])
+        if not bare:
+            return
+
+
+def _axis(joint: ET.Element) -> Array:
+    """Unit axis (3,); along x, as URDF says, where none is given."""
+    found = joint.find("axis")
+    axis = numbers("1 0 0" if found is None else found.get("xyz", "1 0 0"))
+    length = float(np.linalg.norm(axis))
+    if not length > 0.0:
+        raise RequestError(
+            f"Joint '{joint.get('name')}' of the hand's URDF has the axis {axis.tolist()}; give "
+            "it a direction."
+        )
+    return np.asarray(axis / length)
 
 
 def _element(parent: ET.Element, tag: str) -> ET.Element:

@@ -213,5 +213,5 @@ def _shape(visual: ET.Element) -> _Shape | None:
     }.get(shape.tag, (None, ()))
     if kind is None:
         return None
-    x, y, z = (float(number) for number in scale)
+    x, y, z = np.broadcast_to([float(number) for number in scale], 3).tolist()
     return _Shape(kind, shape.get("filename", ""), (x, y, z), T_link_shape)

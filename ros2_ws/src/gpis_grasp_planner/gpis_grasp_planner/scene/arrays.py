@@ -125,11 +125,8 @@ def kept_surface_points(hand: HandDescription) -> SurfacePoints:
 
 def hand_key(hand: HandDescription, *sources: str) -> str:
     """Hash of the hand's files and of the code that makes something of them."""
-    digest = hashlib.sha256(code_version("geometry", "hand", *sources).encode())
-    for path in hand.files:
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    version = code_version("geometry", "hand", *sources)
+    return hashlib.sha256((version + hand.digest).encode()).hexdigest()[:16]
 
 
 def _unpacked(arrays: Mapping[str, NDArray[Any]]) -> HandArrays:

@@ -1,0 +1,108 @@
+"""What the structure of a hand must be, so that closing, trials and pictures know it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.hand.drive_train import check_limits
+
+if TYPE_CHECKING:
+    from gpis_grasp_planner.hand.description import HandDescription
+
+_SAME_TRAVEL_M = 1e-6  # of two jaws
+
+
+def check_structure(hand: HandDescription) -> None:
+    """Refuse what the closing does not know (docs/decisions/hands.md).
+
+    Raises
+    ------
+    RequestError
+        With the link, joint or finger that is another.
+    """
+    _check_chains(hand)
+    for finger in hand.fingers:
+        slides = hand.joint_slides[list(finger.joints)]
+        if slides.any() and len(finger.joints) > 1:
+            raise RequestError(
+                f"Finger '{finger.name}' of '{hand.name}' has a sliding joint among "
+                f"{len(finger.joints)}; a finger that slides has that one joint only."
+            )
+        if (hand.joint_lower[list(finger.joints)] != 0.0).any():
+            raise RequestError(
+                f"A joint of finger '{finger.name}' of '{hand.name}' does not begin at 0, where "
+                "the open hand is; shift the joint's origin in the URDF."
+            )
+    n_motors = len(hand.fingers)
+    if len(hand.drive.motor_upper) != n_motors or len(hand.drive.motor_names) != n_motors:
+        raise RequestError(
+            f"The drive of '{hand.name}' names {len(hand.drive.motor_names)} motors with "
+            f"{len(hand.drive.motor_upper)} limits; give {n_motors}, one for each finger. What is "
+            "set before the hand closes is under 'preshape'."
+        )
+    n_degrees = len(hand.preshape) + n_motors
+    if hand.eigengrasps.directions.shape[1:] != (n_degrees,):
+        raise RequestError(
+            f"The eigengrasps of '{hand.name}' are of the shape "
+            f"{hand.eigengrasps.directions.shape}; give each {n_degrees} numbers: the pre-shape's "
+            "motors, then one for each finger."
+        )
+    if hand.drive.coupled and not _is_parallel_pair(hand):
+        raise RequestError(
+            f"'{hand.name}' is coupled, which is known for two fingers that slide towards each "
+            "other by the same amount only."
+        )
+    holding = hand.drive.coupled or hand.drive.independent
+    if holding and not np.isfinite(hand.joint_effort).all():
+        raise RequestError(
+            f"Joints of '{hand.name}' hold with their effort, and the URDF gives the efforts "
+            f"{hand.joint_effort.tolist()}; give each <limit effort='...'>."
+        )
+    for finger, motor in zip(hand.fingers, hand.drive.motor_upper, strict=True):
+        check_limits(
+            f"finger '{finger.name}' of '{hand.name}'",
+            finger.closing_ratio,
+            hand.joint_upper[list(finger.joints)],
+            float(motor),
+        )
+
+
+def _check_chains(hand: HandDescription) -> None:
+    """Each finger is a chain of its own whose links carry nothing else, and all have shapes."""
+    moved = [link for finger in hand.fingers for link in finger.links]
+    if len(set(moved)) != len(moved):
+        raise RequestError(f"A joint of '{hand.name}' is named by two fingers; each has its own.")
+    inner = {link: before for finger in hand.fingers for before, link in pairwise(finger.links)}
+    for link, parent in enumerate(hand.link_parent):
+        if inner.get(link, parent) != parent or (int(parent) in moved and link not in inner):
+            raise RequestError(
+                f"Link '{hand.link_names[link]}' of '{hand.name}' hangs on "
+                f"'{hand.link_names[parent]}'; the links of a finger hang on each other, from the "
+                "palm outwards, and carry nothing else. Put the shapes of a link that is fixed to "
+                "a finger into the link that carries it."
+            )
+    for name, pieces in zip(hand.link_names, hand.link_collision, strict=True):
+        if not pieces:
+            raise RequestError(
+                f"Link '{name}' of '{hand.name}' has no collision shape; give it one in the URDF."
+            )
+
+
+def _is_parallel_pair(hand: HandDescription) -> bool:
+    joints = [joint for finger in hand.fingers for joint in finger.joints]
+    if len(joints) != 2 or not hand.joint_slides[joints].all():
+        return False
+    axes = []
+    for finger in hand.fingers:
+        link = finger.links[0]
+        axis = hand.joint_axis[link]
+        while link >= 0:  # to the palm
+            axis = hand.T_parent_joint[link][:3, :3] @ axis
+            link = int(hand.link_parent[link])
+        axes.append(axis)
+    same_travel = abs(float(np.diff(hand.joint_upper[joints])[0])) < _SAME_TRAVEL_M
+    return bool(np.allclose(axes[0], -axes[1], atol=1e-6) and same_travel)
