@@ -85,6 +85,38 @@ def test_a_name_without_a_link_is_refused(tmp_path):
         hand_of(tmp_path, palm_friction_links=["Palm"])
 
 
+@pytest.mark.parametrize(("turn", "ok"), [(np.pi, True), (0.0, False)])
+def test_coupled_jaws_are_told_by_their_axes_in_the_palm(tmp_path, turn, ok):
+    """Each jaw slides along x of a mount of its own; one mount is turned, or is not."""
+    mounts = "".join(
+        box_link(f"{name}_mount", (0.01, 0.01, 0.01), (0.0, 0.0, 0.0))
+        + f'<joint name="{name}_mount_joint" type="fixed"><parent link="palm"/>'
+        + f'<child link="{name}_mount"/><origin xyz="{x} 0 0" rpy="0 0 {z}"/></joint>'
+        for name, x, z in (("left", -0.04, 0.0), ("right", 0.04, turn))
+    )
+    jaws = "".join(
+        box_link(name, (0.01, 0.02, 0.05), (0.0, 0.0, 0.03))
+        + joint_about(name, f"{name}_mount", "", (0.0, 0.03), kind="prismatic", axis="1 0 0")
+        for name in ("left", "right")
+    )
+    palm = box_link("palm", (0.08, 0.04, 0.02), (0.0, 0.0, -0.01))
+    drive = {
+        "motor_names": ["left", "right"],
+        "motor_upper_mm": [30.0, 30.0],
+        "full_travel_s": [1.0, 1.0],
+        "closing_rows": [[1.0]],
+        "breakaway_torque": 0.3,
+        "tip_point_mm": [5.0, 0.0, 50.0],
+        "coupled": True,
+    }
+    (tmp_path / "jaws.urdf").write_text(f'<robot name="jaws">{palm}{mounts}{jaws}</robot>')
+    if ok:
+        assert hand_of(tmp_path, urdf="jaws.urdf", drive=drive).drive.coupled
+    else:
+        with pytest.raises(RequestError, match="slide towards each other"):
+            hand_of(tmp_path, urdf="jaws.urdf", drive=drive)
+
+
 def test_control_elements_are_no_joints_of_the_tree(tmp_path):
     more = '<ros2_control name="c"><joint name="left_joint"/></ros2_control>'
     assert hand_of(tmp_path, more=more, palm_axis=[0, 0, -1]).n_joints == 2
@@ -156,8 +188,11 @@ def test_the_ends_of_a_pre_shape_have_the_unit_of_its_joints(tmp_path, end):
 
 def test_a_hull_that_qhull_cannot_grow_has_as_many_corners_as_there_is_room(rng):
     a = 0.05
-    flat = [(a, 0, a), (-a, 0, a), (a, 0, -a), (-a, 0, -a), (0, a, 0), (0, -a, 0)]
+    flat = [(a, 0, a), (-a, 0, -a), (0, a, 0), (0, -a, 0)]  # the extremes lie on one plane
     ball = rng.standard_normal((600, 3))
     ball *= 0.9 * a / np.linalg.norm(ball, axis=1, keepdims=True)
-    kept = fewest_vertices(np.concatenate([flat, ball]), 5e-5, MOST_CORNERS)
-    assert len(kept) <= MOST_CORNERS
+    points = np.concatenate([flat, ball])
+    assert len(fewest_vertices(points, 5e-5)) > MOST_CORNERS
+    kept = fewest_vertices(points, 5e-5, MOST_CORNERS)
+    assert 100 < len(kept) <= MOST_CORNERS
+    np.testing.assert_array_equal(np.ptp(kept, axis=0), np.ptp(points, axis=0))

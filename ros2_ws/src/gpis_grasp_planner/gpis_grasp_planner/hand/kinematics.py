@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpis_grasp_planner.hand.description import HandDescription
+if TYPE_CHECKING:
+    from gpis_grasp_planner.hand.description import HandDescription
 
 Array = NDArray[np.float64]
 

@@ -92,7 +92,7 @@ def read_preshape(
     """
     joints = [j for j in range(len(joint_names)) if j not in closing]
     gain = np.zeros((len(entries), len(joints)))
-    unit = np.ones(len(entries))
+    slides_of: list[bool] = []
     for number, entry in enumerate(entries):
         slides = set()
         for name, value in entry["joints"].items():
@@ -114,14 +114,14 @@ def read_preshape(
                 f"The pre-shape's motor '{entry['name']}' moves joints that turn and joints that "
                 "slide; give each kind a motor of its own."
             )
-        unit[number] = SLIDING_LEVER_M if True in slides else 1.0
+        slides_of.append(True in slides)
     if np.linalg.matrix_rank(gain) < len(entries):
         raise RequestError(
             "The joints do not tell the pre-shape's motors apart: their gains are "
             f"{gain.tolist()}. Give each motor a joint with a gain, and no two motors the same."
         )
     lower, upper = (
-        np.array([_end(e, which, u != 1.0) for e, u in zip(entries, unit, strict=True)])
+        np.array([_end(*of, which) for of in zip(entries, slides_of, strict=True)])
         for which in ("lower", "upper")
     )
     travel_s = np.array([float(entry["full_travel_s"]) for entry in entries])
@@ -135,14 +135,14 @@ def read_preshape(
         lower=lower,
         upper=upper,
         speed=(upper - lower) / travel_s,
-        unit=unit,
+        unit=np.where(slides_of, SLIDING_LEVER_M, 1.0),
         joints=np.array(joints, dtype=np.int64),
         gain=gain,
         inverse=gain.T @ np.linalg.inv(gain @ gain.T),
     )
 
 
-def _end(entry: Mapping[str, Any], which: str, slides: bool) -> float:
+def _end(entry: Mapping[str, Any], slides: bool, which: str) -> float:
     """Lower or upper end of a motor [rad or m]; the lower is 0 where nothing is said."""
     if f"{which}{'_deg' if slides else '_mm'}" in entry:
         given, wanted = ("degrees", "mm") if slides else ("mm", "degrees")

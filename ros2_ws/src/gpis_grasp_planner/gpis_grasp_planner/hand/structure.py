@@ -9,6 +9,7 @@ import numpy as np
 
 from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.drive_train import check_limits
+from gpis_grasp_planner.hand.kinematics import link_transforms
 
 if TYPE_CHECKING:
     from gpis_grasp_planner.hand.description import HandDescription
@@ -96,13 +97,11 @@ def _is_parallel_pair(hand: HandDescription) -> bool:
     joints = [joint for finger in hand.fingers for joint in finger.joints]
     if len(joints) != 2 or not hand.joint_slides[joints].all():
         return False
-    axes = []
-    for finger in hand.fingers:
-        link = finger.links[0]
-        axis = hand.joint_axis[link]
-        while link >= 0:  # to the palm
-            axis = hand.T_parent_joint[link][:3, :3] @ axis
-            link = int(hand.link_parent[link])
-        axes.append(axis)
+    T_palm_link = link_transforms(hand, np.zeros(hand.n_joints))[0]
+    axes = [
+        T_palm_link[link, :3, :3] @ hand.joint_axis[link]
+        for finger in hand.fingers
+        for link in finger.links
+    ]
     same_travel = abs(float(np.diff(hand.joint_upper[joints])[0])) < _SAME_TRAVEL_M
     return bool(np.allclose(axes[0], -axes[1], atol=1e-6) and same_travel)

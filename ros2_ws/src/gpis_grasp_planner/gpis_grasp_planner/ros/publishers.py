@@ -117,10 +117,10 @@ def _mesh_uri_prefix(hand: HandDescription) -> str | None:
     URIs of this machine.
     """
     name = __name__.partition(".")[0]
-    folder = hand.urdf_path.parent
-    if not folder.resolve().is_relative_to(Path(__file__).resolve().parents[1]):
+    folder, package = hand.urdf_path.resolve().parent, Path(__file__).resolve().parents[1]
+    if not folder.is_relative_to(package):
         return None
-    inside = folder.as_posix().rpartition(f"/{name}/")[2]
+    inside = folder.relative_to(package).as_posix()
     try:
         installed = (get_package_share_path(name) / inside).is_dir()
     except PackageNotFoundError:
