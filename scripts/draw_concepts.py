@@ -5,7 +5,7 @@ Usage: python scripts/draw_concepts.py [FOLDER]        (docs/images without it)
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import matplotlib as mpl
@@ -137,7 +137,9 @@ def main() -> None:
     """Draw all."""
     mpl.use("svg")
     mpl.rcParams.update({"svg.hashsalt": "concepts", "font.size": 10})
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("docs/images"))
+    folder = parser.parse_args().folder
     for draw in (wrench_space, implicit_surface, search):
         draw(folder)
 

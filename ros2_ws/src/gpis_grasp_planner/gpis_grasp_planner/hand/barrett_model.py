@@ -6,7 +6,6 @@ files are kept in the package, so this runs only when a dimension changes.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -28,6 +27,7 @@ from gpis_grasp_planner.hand.model_elements import (
     add_joint,
     add_link,
     add_materials,
+    directory_argument,
     number_text,
     uniform_inertial,
     write_urdf,
@@ -169,4 +169,4 @@ def write_model(directory: Path) -> None:
 
 if __name__ == "__main__":
     default = Path(__file__).parent / "models" / MODEL_NAME
-    write_model(Path(sys.argv[1]) if len(sys.argv) > 1 else default)
+    write_model(directory_argument(__doc__, default))

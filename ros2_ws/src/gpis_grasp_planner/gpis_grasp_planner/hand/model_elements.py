@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -173,6 +174,14 @@ def number_text(values: tuple[float, ...] | Array) -> str:
     """Numbers as they stand in a URDF."""
     # 12 digits keep right angles right to 1e-12; adding 0.0 turns -0 into 0.
     return " ".join(f"{round(float(v), 15) + 0.0:.12g}" for v in values)
+
+
+def directory_argument(description: str, default: Path) -> Path:
+    """Where a script that writes a model does so, by its command line."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("directory", type=Path, nargs="?", default=default)
+    directory: Path = parser.parse_args().directory
+    return directory
 
 
 def write_model(

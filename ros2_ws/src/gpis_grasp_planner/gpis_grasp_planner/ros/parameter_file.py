@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import textwrap
 from pathlib import Path
 
@@ -58,4 +58,6 @@ def _value(info: SettingInfo) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(parameter_file(), encoding="utf-8")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", type=Path, help="written over where it is there")
+    parser.parse_args().file.write_text(parameter_file(), encoding="utf-8")

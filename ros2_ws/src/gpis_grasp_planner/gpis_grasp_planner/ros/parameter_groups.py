@@ -6,7 +6,7 @@ compares it.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
@@ -67,4 +67,6 @@ def parameters_page() -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(parameters_page(), encoding="utf-8")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", type=Path, help="written over where it is there")
+    parser.parse_args().file.write_text(parameters_page(), encoding="utf-8")

@@ -8,7 +8,6 @@ finger, y out of its pad, z along the joint.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -128,4 +127,4 @@ def write_model(directory: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_model(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    write_model(model_elements.directory_argument(__doc__, Path(__file__).parent))

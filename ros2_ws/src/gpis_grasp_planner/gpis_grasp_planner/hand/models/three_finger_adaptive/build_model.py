@@ -7,7 +7,6 @@ adaptive grippers. Frames of links: x along the finger, y out of its pad, z alon
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -127,4 +126,4 @@ def write_model(directory: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_model(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    write_model(model_elements.directory_argument(__doc__, Path(__file__).parent))
