@@ -9,7 +9,6 @@ import yaml
 from hand_models import box_link, joint_about
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.hand.checks import faults_of
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS, fewest_vertices
 from gpis_grasp_planner.hand.link_shapes import read_link_mesh
@@ -46,21 +45,11 @@ def hand_of(folder, left=BOX, more="", joint_change=("", ""), **values):
     return load_hand(str(folder / "own.yaml"))
 
 
-def fixed(link, parent):
-    return (
-        f'<joint name="{link}_fixed" type="fixed"><parent link="{parent}"/>'
-        f'<child link="{link}"/><origin xyz="0 0 0.05"/></joint>'
-    )
-
-
-def test_a_shape_that_is_fixed_to_a_finger_is_refused_and_a_bare_frame_is_nothing(tmp_path):
-    tip = box_link("tip", (0.01, 0.01, 0.01), (0.0, 0.0, 0.0)) + fixed("tip", "left")
-    with pytest.raises(RequestError, match=r"'tip' of '.*' hangs on 'left'"):
-        hand_of(tmp_path, more=tip)
-    frames = '<link name="tcp"/><link name="far"/>' + fixed("tcp", "left") + fixed("far", "tcp")
-    hand = hand_of(tmp_path, more=frames)
-    assert hand.link_names == ("palm", "left", "right")
-    assert faults_of(hand) == []
+def test_a_finger_that_carries_another_joint_or_has_no_shape_is_refused(tmp_path):
+    thumb = box_link("thumb", (0.01, 0.01, 0.01), (0.0, 0.0, 0.0))
+    thumb += joint_about("thumb", "left", 'xyz="0 0 0.05"', (0.0, 1.0))
+    with pytest.raises(RequestError, match=r"'thumb' of '.*' hangs on 'left'"):
+        hand_of(tmp_path, more=thumb)
     with pytest.raises(RequestError, match=r"'left' of '.*' has no collision shape"):
         hand_of(tmp_path, left='<link name="left"/>')
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -10,7 +11,9 @@ from geometry_msgs.msg import Point, Pose, Vector3
 from visualization_msgs.msg import Marker
 
 from gpis_grasp_msgs.msg import Contact, Grasp, GraspVerification
+from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.description import load_hand, urdf_text
+from gpis_grasp_planner.hand.fixed_links import FixedFrame
 from gpis_grasp_planner.ros.markers import NORMAL_LENGTH_M, GraspMarkers, ShownPart
 from gpis_grasp_planner.ros.quality_color import FELL, HELD, NOT_TRIED
 
@@ -75,6 +78,25 @@ def test_boxes_of_a_hand_are_shown_where_the_urdf_has_them() -> None:
     ]  # the palm link's first: 76 x 76 x 62 mm, its middle 31 mm above the palm frame
     assert [base.scale.x, base.scale.y, base.scale.z] == [0.076, 0.076, 0.062]
     assert np.isclose(base.pose.position.z, 1.031)
+
+
+def test_a_link_that_is_one_body_with_another_is_drawn_where_that_takes_it() -> None:
+    outer = load_hand("parallel_jaw").link_names[-1]
+    T = transform(np.eye(3), [0.0, 0.0, 0.2])
+    hand = dataclasses.replace(
+        load_hand("parallel_jaw"), fixed_frames=(FixedFrame("tip", outer, T),)
+    )
+    look = '<visual><geometry><sphere radius="0.01"/></geometry></visual>'
+    urdf = (
+        f'<robot name="r"><link name="{outer}">{look}</link><link name="tip">{look}</link></robot>'
+    )
+    message = grasp()
+    message.grasp.position = [0.01] * hand.n_joints
+    carrier, tip = (
+        m.pose.position for m in GraspMarkers(hand, urdf).array([message]).markers if m.ns == "hand"
+    )
+    apart = np.array([tip.x - carrier.x, tip.y - carrier.y, tip.z - carrier.z])
+    assert np.linalg.norm(apart) == pytest.approx(0.2)
 
 
 def test_lifetime_header_and_names_of_all_markers() -> None:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.mesh_file import READERS
-from gpis_grasp_planner.geometry.transforms import apply, rotation_from_rpy, transform
+from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS, convex_hull, fewest_vertices
+from gpis_grasp_planner.hand.urdf_origin import numbers, origin_of
 
 Array = NDArray[np.float64]
 
@@ -140,20 +141,6 @@ def read_link_mesh(path: Path) -> TriangleMesh:
     faces = merged.reshape(-1, 3).astype(np.int32)
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # not a line or a point
     return TriangleMesh(vertices, faces[whole])
-
-
-def origin_of(element: ET.Element) -> Array:
-    """Pose (4, 4) by an element's <origin>; the identity without one."""
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    R = rotation_from_rpy(numbers(origin.get("rpy", "0 0 0")))
-    return transform(R, numbers(origin.get("xyz", "0 0 0")))
-
-
-def numbers(text: str) -> Array:
-    """The numbers of an attribute."""
-    return np.array([float(word) for word in text.split()])
 
 
 def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None) -> TriangleMesh:

@@ -13,7 +13,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpis_grasp_planner.geometry.transforms import rotation_from_rpy
+from gpis_grasp_planner.geometry.transforms import transform
+from gpis_grasp_planner.hand.urdf_origin import move_origin
 
 Array = NDArray[np.float64]
 
@@ -45,37 +46,14 @@ def turn_root(robot: ET.Element, R: Array) -> None:
     """Turn the root link's frame of a URDF by R (3, 3), in place."""
     if np.array_equal(R, np.eye(3)):
         return
+    T = transform(R, np.zeros(3))
     children = {joint.find("child").get("link") for joint in robot.findall("joint")}  # type: ignore[union-attr]
     for link in robot.findall("link"):
         if link.get("name") in children:
             continue
         for kind in ("visual", "collision", "inertial"):
             for element in link.findall(kind):
-                _turn(element, R)
+                move_origin(element, T)
         for joint in robot.findall("joint"):
             if joint.find("parent").get("link") == link.get("name"):  # type: ignore[union-attr]
-                _turn(joint, R)
-
-
-def _turn(element: ET.Element, R: Array) -> None:
-    origin = element.find("origin")
-    if origin is None:
-        origin = ET.Element("origin")
-        element.insert(0, origin)
-    xyz = np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
-    rpy = np.array([float(x) for x in origin.get("rpy", "0 0 0").split()])
-    origin.set("xyz", _text(R @ xyz))
-    origin.set("rpy", _text(_rpy_of(R @ rotation_from_rpy(rpy))))
-
-
-def _rpy_of(R: Array) -> Array:
-    """Roll, pitch and yaw (3,) of a rotation (3, 3), as `rotation_from_rpy` takes them."""
-    level = float(np.hypot(R[0, 0], R[1, 0]))
-    pitch = np.arctan2(-R[2, 0], level)
-    if level < 1e-12:  # straight up or down: roll and yaw are one
-        return np.array([0.0, pitch, np.arctan2(-R[0, 1], R[1, 1])])
-    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
-
-
-def _text(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in values)
+                move_origin(joint, T)

@@ -83,8 +83,7 @@ def _check_chains(hand: HandDescription) -> None:
             raise RequestError(
                 f"Link '{hand.link_names[link]}' of '{hand.name}' hangs on "
                 f"'{hand.link_names[parent]}'; the links of a finger hang on each other, from the "
-                "palm outwards, and carry nothing else. Put the shapes of a link that is fixed to "
-                "a finger into the link that carries it."
+                "palm outwards, and carry nothing else that moves."
             )
     for name, pieces in zip(hand.link_names, hand.link_collision, strict=True):
         if not pieces:

@@ -16,14 +16,10 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
-from gpis_grasp_planner.hand.link_shapes import (
-    is_readable,
-    link_shapes,
-    mesh_path,
-    numbers,
-    origin_of,
-)
+from gpis_grasp_planner.hand.fixed_links import FixedFrame, fold_fixed_links
+from gpis_grasp_planner.hand.link_shapes import is_readable, link_shapes, mesh_path
 from gpis_grasp_planner.hand.palm_turn import turn_root
+from gpis_grasp_planner.hand.urdf_origin import numbers, origin_of
 
 Array = NDArray[np.float64]
 
@@ -56,6 +52,8 @@ class UrdfTree:
     link_mass : (L,) array [kg]
     link_collision : tuple of tuples of TriangleMesh
         Convex pieces per link, in the link's frame [m].
+    fixed_frames : tuple of FixedFrame
+        Links of the file that are one body with others (`hand.fixed_links`).
     """
 
     link_names: tuple[str, ...]
@@ -72,6 +70,7 @@ class UrdfTree:
     joint_effort: Array
     link_mass: Array
     link_collision: tuple[tuple[TriangleMesh, ...], ...]
+    fixed_frames: tuple[FixedFrame, ...]
 
 
 def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> UrdfTree:
@@ -95,7 +94,7 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
         ) from error
     if turn is not None:
         turn_root(robot, turn)
-    _drop_bare_ends(robot)
+    fixed_frames = fold_fixed_links(robot)
     links = {link.get("name", ""): link for link in robot.findall("link")}
     joints = robot.findall("joint")
     joint_of_child = {_child(joint, "child"): joint for joint in joints}
@@ -147,6 +146,7 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
         joint_effort=limits[3],
         link_mass=np.array(masses),
         link_collision=link_shapes(path, [links[name] for name in order], "collision", hulls),
+        fixed_frames=fixed_frames,
     )
 
 
@@ -205,30 +205,12 @@ def visual_shapes(
     robot = ET.parse(path).getroot()
     if turn is not None:
         turn_root(robot, turn)
+    fold_fixed_links(robot)
     links = {str(link.get("name")): link for link in robot.iterfind("link")}
     bare = ET.Element("link")
     seen = [links[n] if is_readable(links[n]) else bare for n in tree.link_names]
     visual = link_shapes(path, seen, "visual")
     return tuple(v or solid for v, solid in zip(visual, tree.link_collision, strict=True))
-
-
-def _drop_bare_ends(robot: ET.Element) -> None:
-    """Take out links without collision shapes that are fixed at an end, such as a tool's frame."""
-    while True:
-        parents = {_child(joint, "parent") for joint in robot.findall("joint")}
-        fixed = {_child(j, "child"): j for j in robot.findall("joint") if j.get("type") == "fixed"}
-        bare = [
-            link
-            for link in robot.findall("link")
-            if link.get("name") in fixed
-            and link.get("name") not in parents
-            and link.find("collision") is None
-        ]
-        for link in bare:
-            robot.remove(link)
-            robot.remove(fixed[link.get("name", "")])
-        if not bare:
-            return
 
 
 def _axis(joint: ET.Element) -> Array:

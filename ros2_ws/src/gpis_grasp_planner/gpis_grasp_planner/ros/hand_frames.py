@@ -64,6 +64,8 @@ class HandFrames:
 def hand_frames(hand: HandDescription, grasp: Grasp, prefix: str) -> list[TransformStamped]:
     """The root link in the frame of the palm's pose, then every other link in its parent's.
 
+    Links that are one body with another one are in the frame of that.
+
     Parameters
     ----------
     hand : HandDescription
@@ -89,6 +91,14 @@ def hand_frames(hand: HandDescription, grasp: Grasp, prefix: str) -> list[Transf
                 transform=_transform_message(inverse(T_palm_link[parent]) @ T_palm_link[link]),
             )
         )
+    frames += [
+        TransformStamped(
+            header=Header(stamp=header.stamp, frame_id=prefix + frame.carrier),
+            child_frame_id=prefix + frame.name,
+            transform=_transform_message(frame.T_carrier_frame),
+        )
+        for frame in hand.fixed_frames
+    ]
     return frames
 
 

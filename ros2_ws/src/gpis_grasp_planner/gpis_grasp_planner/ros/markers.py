@@ -137,7 +137,9 @@ class GraspMarkers:
         T_world_link = T_world_palm @ link_transforms(self._hand, list(grasp.grasp.position))[0]
         color = quality_color(grasp, _HAND_ALPHA)
         markers: list[Marker] = []
-        for link, T in zip(self._hand.link_names, T_world_link, strict=True):
+        T_of = dict(zip(self._hand.link_names, T_world_link, strict=True))
+        T_of |= {f.name: T_of[f.carrier] @ f.T_carrier_frame for f in self._hand.fixed_frames}
+        for link, T in T_of.items():
             for shape in self._shapes.get(link, ()):
                 [pose] = pose_messages((T @ shape.T_link_shape)[None])
                 x, y, z = shape.scale
