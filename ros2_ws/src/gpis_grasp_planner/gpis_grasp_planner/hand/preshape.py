@@ -50,6 +50,11 @@ class Preshape:
     def __len__(self) -> int:
         return len(self.names)
 
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Whether a motor's joints slide, (S,)."""
+        return np.asarray(self.unit != 1.0)
+
     def put(self, joints: Array, values: Array) -> None:
         """Put pre-shapes (B, S) into joints (B, J) [rad or m], in place."""
         joints[:, self.joints] = np.asarray(values, dtype=float) @ self.gain

@@ -33,9 +33,9 @@ class PreshapeRange:
 
     @classmethod
     def of(cls, hand: HandDescription, max_deg: float) -> PreshapeRange:
-        """Of a hand, up to a largest angle [deg] (of sliding joints: times their lever)."""
+        """Of a hand: motors that turn up to an angle [deg], those that slide up to their end."""
         shape = hand.preshape
-        most = np.maximum(np.deg2rad(max_deg) * shape.unit, shape.lower)
+        most = np.where(shape.slides, np.inf, np.maximum(np.deg2rad(max_deg), shape.lower))
         return cls(shape.lower, np.minimum(shape.upper, most), shape.unit)
 
     def __len__(self) -> int:

@@ -64,7 +64,8 @@ class AdaptionSettings(SettingsGroup):
         180.0,
         low=0.0,
         high=180.0,
-        description="Largest angle of the pre-shape (the Barrett's spread) that seeds draw.",
+        description="Largest angle of the pre-shape (the Barrett's spread) that seeds draw; a "
+        "motor that slides is drawn up to its end.",
     )
 
 
