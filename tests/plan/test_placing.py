@@ -119,6 +119,24 @@ def test_covariances_can_be_left_alone(mug, plan):
     assert answer.result.grasps == plan.grasps
 
 
+def test_what_another_covariance_said_is_forgotten(planner, mug, plan):
+    """Where no covariance is known, none of an earlier plan's decides, nor is answered."""
+    stale = np.linspace(0.1, 1.0, len(plan.grasps))  # the worst has the best
+    grasps = tuple(replace(g, hold_probability=p) for g, p in zip(plan.grasps, stale, strict=True))
+    earlier = replace(plan, grasps=grasps, place=Place(covariance=NOISE).as_mapping())
+    result = place_result(planner, mug, earlier, Place()).result
+    assert [g.hold_probability for g in result.grasps] == [None] * len(plan.grasps)
+    before = [g.T_object_palm.tobytes() for g in plan.grasps]
+    assert [g.T_object_palm.tobytes() for g in result.grasps] == before
+
+
+def test_known_grasps_compete_without_the_probability_that_new_ones_lack_yet(planner, mug, plan):
+    known = planner.known_answer(mug, plan, plan.request, Place(covariance=NOISE))
+    assert all(g.hold_probability is not None for g in known.answer.result.grasps)
+    assert known.finished
+    assert all(f.grasp.hold_probability is None for f in known.finished)
+
+
 def test_a_bad_covariance_is_refused(planner, mug, plan):
     with pytest.raises(PoseError) as caught:
         place_result(planner, mug, plan, Place(covariance=-NOISE))

@@ -101,6 +101,7 @@ def place_known(
             f"The known plan is of mesh {known.mesh_hash[:16]}..., the part has "
             f"{part.mesh.content_hash[:16]}.... Give a plan of this very mesh."
         )
+    known = replace(known, grasps=tuple(map(_without_probability, known.grasps)))
     same = _same_place(known, place, part.max_radius) and _same_wishes(known, request)
     with monitor.phase(Phase.PLACING):
         grasps, clearances, found = (
@@ -133,7 +134,9 @@ def place_known(
         tuple(of[_palm(grasp)] for grasp in answered),
         None if support is None else support.normal,
     )
-    finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
+    finished = tuple(
+        FinishedGrasp(_without_probability(grasp), of[_palm(grasp)]) for grasp in ranked
+    )
     return KnownAnswer(answer, finished, same)
 
 
@@ -171,8 +174,9 @@ def _chosen(
     kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
     kept, found = placing.clear(kept)
     chosen = _best(known, part, kept, spare, found, hold.candidates(request.n_grasps), monitor)
-    grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
-    return grasps, clearances, found
+    finished = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
+    clear = [pair for pair in zip(*finished, strict=True) if pair[1].clear]
+    return [grasp for grasp, _ in clear], [clearance for _, clearance in clear], found
 
 
 def _same_wishes(known: PlanResult, request: PlanRequest) -> bool:
@@ -278,6 +282,11 @@ def _message(
         f"All {blocked.total()} grasps kept of '{known.mesh_id}' are blocked at this pose "
         f"({causes_text(blocked)}; most often by '{nearest}')."
     )
+
+
+def _without_probability(grasp: Grasp) -> Grasp:
+    """A grasp without what another covariance, or this one before others had it, said of it."""
+    return grasp if grasp.hold_probability is None else replace(grasp, hold_probability=None)
 
 
 def _palm(grasp: Grasp) -> bytes:
