@@ -102,6 +102,17 @@ def test_the_cost_is_of_the_whole_finish(make_finisher):
     assert later.time_for(4) == 4 * 2.0
 
 
+def test_a_hand_that_comes_through_the_part_is_dropped_and_counted(make_finisher, monkeypatch):
+    finisher = make_finisher(lambda _: True)
+    monkeypatch.setattr(
+        "gpis_grasp_planner.plan.placed_grasps.meets_part_on_approach",
+        lambda _hand, grasps, _tree: np.ones(len(grasps), dtype=bool),
+    )
+    assert finisher.best(4) == []
+    assert finisher.tally.lost[Step.CONFIRMED, Loss.WAY_BACK] == 5
+    assert not finisher.finished()
+
+
 def test_pybullets_scene_agrees_with_grasps_and_not_with_one_that_is_moved(
     make_finisher, searched_mug, planner
 ):

@@ -10,10 +10,12 @@ import pytest
 
 from gpis_grasp_planner.errors import ErrorCode, PoseError, RequestError
 from gpis_grasp_planner.geometry.catalogue import MeshCatalogue, default_catalogue_directory
+from gpis_grasp_planner.geometry.part import Friction
 from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
+from gpis_grasp_planner.hand.settings import HandSettings
 from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor
@@ -119,6 +121,24 @@ def test_covariances_can_be_left_alone(mug, plan):
     assert answer.result.grasps == plan.grasps
 
 
+def test_what_another_covariance_said_is_forgotten(planner, mug, plan):
+    """Where no covariance is known, none of an earlier plan's decides, nor is answered."""
+    stale = np.linspace(0.1, 1.0, len(plan.grasps))  # the worst has the best
+    grasps = tuple(replace(g, hold_probability=p) for g, p in zip(plan.grasps, stale, strict=True))
+    earlier = replace(plan, grasps=grasps, place=Place(covariance=NOISE).as_mapping())
+    result = place_result(planner, mug, earlier, Place()).result
+    assert [g.hold_probability for g in result.grasps] == [None] * len(plan.grasps)
+    before = [g.T_object_palm.tobytes() for g in plan.grasps]
+    assert [g.T_object_palm.tobytes() for g in result.grasps] == before
+
+
+def test_known_grasps_compete_without_the_probability_that_new_ones_lack_yet(planner, mug, plan):
+    known = planner.known_answer(mug, plan, plan.request, Place(covariance=NOISE))
+    assert all(g.hold_probability is not None for g in known.answer.result.grasps)
+    assert known.finished
+    assert all(f.grasp.hold_probability is None for f in known.finished)
+
+
 def test_a_bad_covariance_is_refused(planner, mug, plan):
     with pytest.raises(PoseError) as caught:
         place_result(planner, mug, plan, Place(covariance=-NOISE))
@@ -221,6 +241,26 @@ def test_a_plan_of_another_mesh_is_refused(planner, plan):
     sphere = MeshCatalogue([default_catalogue_directory()]).load("sphere")
     with pytest.raises(RequestError, match="of this very mesh"):
         planner.known_answer(sphere, plan, REQUEST, Place())
+
+
+@pytest.mark.parametrize(
+    ("asked", "part_of", "what"),
+    [
+        ({"friction": Friction(0.05, 0.05)}, {}, "friction '0.3 / 0.2', now it is '0.05 / 0.05'"),
+        ({"objective": "min_weight"}, {}, "objective 'paper', now it is 'min_weight'"),
+        ({}, {"mass": 50.0}, "now it is '50 kg'"),
+        ({}, {"center_of_mass": np.array([0.0, 0.0, 0.02])}, "centre of mass"),
+    ],
+)
+def test_a_plan_for_something_else_is_refused(planner, mug, plan, asked, part_of, what):
+    with pytest.raises(RequestError, match=what):
+        planner.answer(replace(mug, **part_of), replace(REQUEST, **asked), known=plan)
+
+
+def test_a_plan_of_another_hand_is_refused(mug, plan):
+    jaw = GraspPlanner(PlannerSettings(hand=HandSettings(model="parallel_jaw")))
+    with pytest.raises(RequestError, match=r"hand 'barrett_bh280', now it is 'parallel_jaw'"):
+        jaw.answer(mug, REQUEST, known=plan)
 
 
 def test_inside_rock_the_counts_are_told(planner, mug):

@@ -285,6 +285,9 @@ class Finisher:
             self.tally.lose_at(Step.CONFIRMED, Loss.MARGIN, grasp.T_object_palm[None])
             return None
         [grasp], [clearance] = self.placing.finished([grasp], [clearance])
+        if not clearance.clear:
+            self.tally.lose_at(Step.CONFIRMED, Loss.WAY_BACK, grasp.T_object_palm[None])
+            return None
         grasp = self.judge(grasp)
         if self.in_cases is not None:
             grasp = self.in_cases.judged(grasp)

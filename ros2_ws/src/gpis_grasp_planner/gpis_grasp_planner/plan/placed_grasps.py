@@ -2,7 +2,7 @@
 
 A grasp that is blocked on its way only, by its open fingers, may be clear with narrower ones; one
 that is clear anyway comes narrow where that stays clear. What is answered, and tried in physics,
-is the grasp after this.
+is the grasp after this, if the part itself leaves it the way.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from gpis_grasp_planner.arm.constraint import ArmConstraint
 from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
 from gpis_grasp_planner.grasp.constraint import ClosedHands, Constraint
+from gpis_grasp_planner.grasp.funnel import Loss
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.surroundings.clearance import Cause, Clearance, clear_grasps
@@ -23,6 +24,7 @@ from gpis_grasp_planner.surroundings.pregrasp import (
     narrow_pregrasp,
     timed_pregrasp,
 )
+from gpis_grasp_planner.surroundings.way_past_part import meets_part_on_approach
 
 _ON_THE_WAY = (Cause.PREGRASP, Cause.CLOSING, Cause.APPROACH)
 
@@ -85,8 +87,19 @@ class GraspPlacing:
     ) -> tuple[list[Grasp], list[Clearance]]:
         """Clear grasps with the pre-grasp that is answered, and the way to lift them.
 
-        Without anything around, what is not open any more was finished before and stays.
+        Without anything around, what is not open any more was finished before and stays. A grasp
+        whose pre-grasp meets the part as it comes is not clear.
         """
+        kept, clearances = self._with_pregrasps(grasps, found)
+        meets = meets_part_on_approach(self.hand, kept, self.tree)
+        return kept, [
+            replace(clearance, cause=str(Loss.WAY_BACK), nearest="part") if met else clearance
+            for clearance, met in zip(clearances, meets, strict=True)
+        ]
+
+    def _with_pregrasps(
+        self, grasps: Sequence[Grasp], found: Sequence[Clearance]
+    ) -> tuple[list[Grasp], list[Clearance]]:
         kept, clearances = list(grasps), list(found)
         if not self.constrained:
             if self.settings.pregrasp == "together":

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 from gpis_grasp_planner.geometry.part import Part
@@ -29,6 +30,8 @@ from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.surroundings.clearance import Clearance
 from gpis_grasp_planner.surroundings.place import STAND_IN, Place
 from gpis_grasp_planner.surroundings.similarity import same_place
+
+Array = NDArray[np.float64]
 
 _SPARE = 1.25
 
@@ -86,7 +89,7 @@ def place_known(
     Raises
     ------
     RequestError
-        If `known` is of another mesh.
+        If `known` is of another mesh, hand, friction, mass, centre of mass or objective.
     PoseError
         INVALID_COVARIANCE.
 
@@ -96,11 +99,8 @@ def place_known(
     10 to 60 ms for each grasp that comes from the reserve, the first time; with a covariance about
     2 ms more for each grasp and perturbation.
     """
-    if known.mesh_hash != part.mesh.content_hash:
-        raise RequestError(
-            f"The known plan is of mesh {known.mesh_hash[:16]}..., the part has "
-            f"{part.mesh.content_hash[:16]}.... Give a plan of this very mesh."
-        )
+    _check_same(known, part, request, hold)
+    known = replace(known, grasps=tuple(map(_without_probability, known.grasps)))
     same = _same_place(known, place, part.max_radius) and _same_wishes(known, request)
     with monitor.phase(Phase.PLACING):
         grasps, clearances, found = (
@@ -133,8 +133,41 @@ def place_known(
         tuple(of[_palm(grasp)] for grasp in answered),
         None if support is None else support.normal,
     )
-    finished = tuple(FinishedGrasp(grasp, of[_palm(grasp)]) for grasp in ranked)
+    finished = tuple(
+        FinishedGrasp(_without_probability(grasp), of[_palm(grasp)]) for grasp in ranked
+    )
     return KnownAnswer(answer, finished, same)
+
+
+def _check_same(known: PlanResult, part: Part, request: PlanRequest, hold: HoldRanking) -> None:
+    """Refuse a plan whose figures are not those of the part, the hand and what is asked for."""
+    if known.mesh_hash != part.mesh.content_hash:
+        raise RequestError(
+            f"The known plan is of mesh {known.mesh_hash[:16]}..., the part has "
+            f"{part.mesh.content_hash[:16]}.... Give a plan of this very mesh."
+        )
+    friction, was = request.friction_for(part.friction), known.friction
+    asked = hold.settings.objective
+    objective = known.settings.get("objective", {})  # documents of earlier versions lack it
+    pairs = (
+        ("hand", known.hand, hold.hand.name),
+        ("friction", f"{was.finger:g} / {was.palm:g}", f"{friction.finger:g} / {friction.palm:g}"),
+        ("mass", f"{known.mass:.6g} kg", f"{part.mass:.6g} kg"),
+        ("centre of mass", _in_mm(known.center_of_mass), _in_mm(part.center_of_mass)),
+        ("objective", objective.get("name", asked.name), asked.name),
+        ("task", objective.get("task", asked.task), asked.task),
+    )
+    for what, then, now in pairs:
+        if then != now:
+            raise RequestError(
+                f"The known plan was made for the {what} '{then}', now it is '{now}': its figures "
+                "do not hold here. Plan anew, without it."
+            )
+
+
+def _in_mm(point: Array) -> str:
+    # without a sign of rounding
+    return ", ".join(f"{value:.3f}" for value in np.round(1e3 * point, 3) + 0.0) + " mm"
 
 
 def _own(
@@ -171,8 +204,9 @@ def _chosen(
     kept = [*known.grasps, *(known.reserve.estimates[i] for i in spare)]
     kept, found = placing.clear(kept)
     chosen = _best(known, part, kept, spare, found, hold.candidates(request.n_grasps), monitor)
-    grasps, clearances = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
-    return grasps, clearances, found
+    finished = placing.finished([g for g, _ in chosen], [c for _, c in chosen])
+    clear = [pair for pair in zip(*finished, strict=True) if pair[1].clear]
+    return [grasp for grasp, _ in clear], [clearance for _, clearance in clear], found
 
 
 def _same_wishes(known: PlanResult, request: PlanRequest) -> bool:
@@ -278,6 +312,11 @@ def _message(
         f"All {blocked.total()} grasps kept of '{known.mesh_id}' are blocked at this pose "
         f"({causes_text(blocked)}; most often by '{nearest}')."
     )
+
+
+def _without_probability(grasp: Grasp) -> Grasp:
+    """A grasp without what another covariance, or this one before others had it, said of it."""
+    return grasp if grasp.hold_probability is None else replace(grasp, hold_probability=None)
 
 
 def _palm(grasp: Grasp) -> bytes:

@@ -93,9 +93,10 @@ class GraspPlanner:
             Where the part lies, what stands around it, how well its pose is known. The search
             knows all of it from its first proposal. Without, the part floats in free space.
         known : PlanResult, optional
-            An earlier answer for this part, at any place, by the same settings. What of it is good
-            here is answered in some 0.1 s; only where that leaves nothing, or nothing that was
-            tried as the request wants it, a search is made.
+            An earlier answer for this part, at any place, by the same settings, friction and
+            objective; another is refused. What of it is good here is answered in some 0.1 s; only
+            where that leaves nothing, or nothing that was tried as the request wants it, a search
+            is made.
         monitor : Monitor, optional
             The request's clock and its line to the caller; the clock starts now if not given.
             Where it says that the request is cancelled, the answer has the code CANCELLED and the
