@@ -133,6 +133,9 @@ OFF = {
     "colours and normals": Read(d.off(BOX, "CNOFF\n{v} {f} {e}\n", vertex_end=" 0 0 1 9 9 9 9")),
     "texture": Read(d.off(BOX, "STOFF\n{v} {f} {e}\n", vertex_end=" 0.5 0.5")),
     "all variants": Read(d.off(BOX, "STCNOFF\n{v} {f} {e}\n", vertex_end=" 0 0 1 9 9 9 9 0 0")),
+    "normals and colours": Read(d.off(BOX, "NCOFF\n{v} {f} {e}\n", vertex_end=" 9 9 9 9 0 0 1")),
+    "all variants of MeshLab": Read(d.off(
+        BOX, "NCSTOFF\n{v} {f} {e}\n", vertex_end=" 9 9 9 9 0 0 1 0 0")),
     "face colours": Read(d.off(BOX, face_end=" 200 10 10")),
     "face colour maps": Read(d.off(BOX, face_end=" 3")),
     "wrapped": Read(d.off(BOX).replace(b"\n0 60", b" 0 60").replace(b"\n4 2", b"\n4\n2")),
