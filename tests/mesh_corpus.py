@@ -252,6 +252,12 @@ STL = {
     "ascii text after": Read(d.ascii_stl(BOX) + b"made by a program\n", note="text outside"),
     "ascii NaN normals": Read(d.ascii_stl(BOX, normal="nan -nan(ind) 1.#QNAN")),
     "ascii without normals": Read(d.ascii_stl(BOX).replace(b" normal 0 0 0", b"")),
+    "ascii colours and remarks": Read(d.ascii_stl(BOX).replace(
+        b" facet", b"color 0.5 0.5 1\n# red\n facet"), note="words between facets"),
+    "ascii no endsolid between": Read(d.ascii_stl(A).replace(b"endsolid part\n", b"")
+                                      + d.ascii_stl(B), TWO, note="2 words between"),
+    "binary one after the other": Read(d.binary_stl(A) + d.binary_stl(B), TWO,
+                                       note="2 binary STL files"),
     "binary": Read(d.binary_stl(BOX)),
     "binary solid": Read(d.binary_stl(BOX, b"solid part of a CAD system")),
     "binary text header": Read(d.binary_stl(BOX, b"solid facet normal vertex".ljust(80))),
