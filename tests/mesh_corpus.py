@@ -133,6 +133,9 @@ OFF = {
     "colours and normals": Read(d.off(BOX, "CNOFF\n{v} {f} {e}\n", vertex_end=" 0 0 1 9 9 9 9")),
     "texture": Read(d.off(BOX, "STOFF\n{v} {f} {e}\n", vertex_end=" 0.5 0.5")),
     "all variants": Read(d.off(BOX, "STCNOFF\n{v} {f} {e}\n", vertex_end=" 0 0 1 9 9 9 9 0 0")),
+    "normals and colours": Read(d.off(BOX, "NCOFF\n{v} {f} {e}\n", vertex_end=" 9 9 9 9 0 0 1")),
+    "all variants of MeshLab": Read(d.off(
+        BOX, "NCSTOFF\n{v} {f} {e}\n", vertex_end=" 9 9 9 9 0 0 1 0 0")),
     "face colours": Read(d.off(BOX, face_end=" 200 10 10")),
     "face colour maps": Read(d.off(BOX, face_end=" 3")),
     "wrapped": Read(d.off(BOX).replace(b"\n0 60", b" 0 60").replace(b"\n4 2", b"\n4\n2")),
@@ -249,6 +252,12 @@ STL = {
     "ascii text after": Read(d.ascii_stl(BOX) + b"made by a program\n", note="text outside"),
     "ascii NaN normals": Read(d.ascii_stl(BOX, normal="nan -nan(ind) 1.#QNAN")),
     "ascii without normals": Read(d.ascii_stl(BOX).replace(b" normal 0 0 0", b"")),
+    "ascii colours and remarks": Read(d.ascii_stl(BOX).replace(
+        b" facet", b"color 0.5 0.5 1\n# red\n facet"), note="words between facets"),
+    "ascii no endsolid between": Read(d.ascii_stl(A).replace(b"endsolid part\n", b"")
+                                      + d.ascii_stl(B), TWO, note="2 words between"),
+    "binary one after the other": Read(d.binary_stl(A) + d.binary_stl(B), TWO,
+                                       note="2 binary STL files"),
     "binary": Read(d.binary_stl(BOX)),
     "binary solid": Read(d.binary_stl(BOX, b"solid part of a CAD system")),
     "binary text header": Read(d.binary_stl(BOX, b"solid facet normal vertex".ljust(80))),

@@ -72,6 +72,29 @@ def test_a_file_of_any_kind_is_no_crash_under_any_other_ending(suffix, mesh_path
         assert report.volume == pytest.approx(1e-9 * case.solid.volume, rel=1e-5), name
 
 
+def test_primitives_are_counted_before_they_are_read(mesh_path):
+    document, binary = d.glb_document(BOX)
+    document["meshes"][0]["primitives"] *= 20
+    with pytest.raises(MeshError, match="has 108 faces, the limit is 100") as caught:
+        load_mesh(
+            mesh_path(d.glb(document, binary), "part.glb"), "m", CatalogueSettings(max_faces=100)
+        )
+    assert caught.value.code == ErrorCode.MESH_TOO_LARGE
+
+
+def test_vertices_of_instances_are_counted_before_they_are_made(mesh_path):
+    vertices = "".join(f'<vertex x="{i}" y="0" z="0"/>' for i in range(2000))
+    triangle = '<triangles><triangle v1="0" v2="1" v3="2"/></triangles>'
+    copies = '<component objectid="1"/>' * 50
+    resources = (
+        f'<object id="1"><mesh><vertices>{vertices}</vertices>{triangle}</mesh></object>'
+        f'<object id="2"><components>{copies}</components></object>'
+    )
+    data = d.threemf(d.model_xml(resources, '<item objectid="2"/>'))
+    with pytest.raises(MeshError, match="vertices"):
+        load_mesh(mesh_path(data, "part.3mf"), "mm", CatalogueSettings(max_faces=100))
+
+
 def test_limits_hold_for_instances(mesh_path):
     nodes = [{"mesh": 0, "translation": [0.001 * i, 0, 0]} for i in range(20)]
     path = mesh_path(d.glb(*d.glb_document(BOX, nodes=nodes)), "part.glb")

@@ -14,6 +14,7 @@ from scipy.spatial import QhullError
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
+from gpis_grasp_planner.geometry.inner_faces import back_sides, inner_walls
 from gpis_grasp_planner.geometry.mass_properties import (
     fans_across_holes,
     hull,
@@ -105,13 +106,15 @@ def judge(
     faces = _without_degenerate(vertices, faces, name, drop, notes)
     faces = _welded(vertices, faces, notes)
     faces = _without_duplicates(faces, notes)
+    faces = _without_back_sides(faces, notes)
     vertices, faces = _used_only(vertices, faces)
     edges = find_edges(faces)
-    oriented = orient(vertices, faces, edges)
+    oriented = _without_inner_walls(vertices, orient(vertices, faces, edges), notes)
     _note_turned(oriented, notes)
-    if oriented.turned.any():
-        edges = find_edges(oriented.faces)
-    mesh = TriangleMesh(vertices, oriented.faces)
+    vertices, kept = _used_only(vertices, oriented.faces)
+    if oriented.turned.any() or len(kept) < len(faces):
+        edges = find_edges(kept)
+    mesh = TriangleMesh(vertices, kept)
     return _measure(mesh, edges, oriented, name, notes)
 
 
@@ -195,6 +198,29 @@ def _without_duplicates(faces: Faces, notes: list[str]) -> Faces:
         return faces
     notes.append(f"{int((~new).sum())} duplicate faces were dropped.")
     return faces[np.sort(order[new])]
+
+
+def _without_back_sides(faces: Faces, notes: list[str]) -> Faces:
+    repeated = back_sides(faces)
+    if not repeated.any():
+        return faces
+    notes.append(f"{int(repeated.sum())} faces that repeat others from behind were dropped.")
+    return faces[~repeated]
+
+
+def _without_inner_walls(vertices: Array, oriented: Oriented, notes: list[str]) -> Oriented:
+    walls = inner_walls(vertices, oriented)
+    if not walls.any():
+        return oriented
+    notes.append(f"{int(walls.sum())} faces inside the body (inner walls) were dropped.")
+    kept = ~walls
+    return Oriented(
+        oriented.faces[kept],
+        oriented.turned[kept],
+        oriented.wound,
+        oriented.one_sided[kept],
+        oriented.undecided[kept],
+    )
 
 
 def _used_points(vertices: Array, faces: RawFaces) -> Array:
@@ -306,10 +332,14 @@ def _hull_volume_and_center(
 def _wrong_share(mesh: TriangleMesh, rays: int) -> float:
     """Share of probed faces with a winding number other than 0 before and 1 behind them."""
     share = mesh.face_areas / mesh.face_areas.sum()
-    chosen = np.random.default_rng(0).choice(len(share), size=PROBES, p=share)
-    centers = mesh.triangles[chosen].mean(axis=1)
-    # A step of a hundredth of the face's own size stays well on its side of the neighbours.
-    step = 1e-2 * np.sqrt(mesh.face_areas[chosen]).clip(max=1e-2 * mesh.diagonal)
+    rng = np.random.default_rng(0)
+    chosen = rng.choice(len(share), size=PROBES, p=share)
+    # Anywhere on a face but at its rim: a large face may lie in another body with a corner only.
+    weights = rng.dirichlet(np.ones(3), size=PROBES)
+    weights = 0.9 * weights + 0.1 / 3.0
+    centers = np.einsum("nk,nkd->nd", weights, mesh.triangles[chosen])
+    # A step of a thousandth of the face's own size stays well on its side of the neighbours.
+    step = 1e-3 * np.sqrt(mesh.face_areas[chosen]).clip(max=1e-2 * mesh.diagonal)
     step = step[:, None] * mesh.face_normals_outward[chosen]
     tree = TriangleTree.of(mesh)
     before = crossing_numbers(tree, centers + step, rays)

@@ -28,9 +28,15 @@ class Accessors:
         self._buffers = document.get("buffers", [])
         self._binary = binary
         self._unpacked: dict[int, bytes] = {}
+        self._points: dict[int, Array] = {}
 
     def positions(self, index: int) -> Array:
-        """Points (n, 3) of an accessor of VEC3."""
+        """Points (n, 3) of an accessor of VEC3; primitives that share it share the array."""
+        if index not in self._points:
+            self._points[index] = self._read_points(index)
+        return self._points[index]
+
+    def _read_points(self, index: int) -> Array:
         accessor = self._accessor(index)
         values = self._values(accessor, 3).astype(np.float64)
         if accessor.get("normalized") and accessor["componentType"] != 5126:
@@ -60,6 +66,8 @@ class Accessors:
             values = self._strided(
                 int(accessor["bufferView"]), int(accessor.get("byteOffset", 0)), kind, count, width
             )
+        elif "sparse" not in accessor and count:
+            raise AccessorError(f"an accessor of {count} entries has no data, as of compression")
         elif count <= sum(len(self._bytes(i)) for i in range(len(self._buffers))):
             values = np.zeros((count, width), dtype=kind)  # for a sparse accessor to fill
         else:
@@ -105,8 +113,10 @@ class Accessors:
         if not 0 <= buffer < len(self._buffers):
             raise AccessorError(f"buffer {buffer} is missing")
         uri = self._buffers[buffer].get("uri")
-        if uri is None:
+        if uri is None and buffer == 0:
             return self._binary
+        if uri is None:
+            raise AccessorError(f"buffer {buffer} has no data (a stand-in for compressed data?)")
         if not str(uri).startswith("data:"):
             raise AccessorError("its data lies in another file, which is not opened")
         if buffer not in self._unpacked:

@@ -30,8 +30,14 @@ _MOST_NODES = 100_000
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 # Extensions a file may require without another shape coming of it.
 _HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_",
-             "KHR_lights_punctual", "KHR_xmp", "TM_brep_faces")  # fmt: skip
-_COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
+             "MSFT_texture_", "KHR_lights_", "EXT_lights_", "KHR_xmp", "KHR_animation_pointer",
+             "EXT_structural_metadata", "EXT_mesh_features", "TM_brep_faces")  # fmt: skip
+_COMPRESSED = {
+    "KHR_draco_mesh_compression": "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
+}
+_INSTANCES = "EXT_mesh_gpu_instancing"
 _SHAPELESS = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 
 
@@ -115,7 +121,8 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
     if not chunks or chunks[0][0] != 0x4E4F534A:
         raise truncated(name, "its first chunk is not JSON")
     try:
-        document = json.loads(chunks[0][1].decode("utf-8"))
+        # Some writers fill the chunk with zero bytes in place of blanks.
+        document = json.loads(chunks[0][1].rstrip(b"\0").decode("utf-8-sig"))
     except (ValueError, RecursionError):
         raise truncated(name, "its JSON chunk is not valid") from None
     if not isinstance(document, dict):
@@ -166,8 +173,16 @@ class _Scene:
             stack += [(int(c), T) for c in reversed(node.get("children", []))]
             if "mesh" not in node:
                 continue
+            if _INSTANCES in node.get("extensions", {}):
+                raise MeshError(
+                    f"{self._name} places a mesh many times by the glTF extension '{_INSTANCES}', "
+                    "which is not read. Export plain GLB, each copy as a node.",
+                    ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+                )
             if "skin" in node:
-                self._notes["A skin was ignored: the shape is that at rest."] = None
+                self._notes["A skin was ignored: the shape is that of its mesh, unposed."] = None
+                T = np.eye(4)  # a skinned mesh is not moved by its own node
+            self._refuse_morphed(node)
             primitives = self._mesh(int(node["mesh"]))
             faces += sum(len(f) for _, f in primitives)
             if faces > self._max_faces:
@@ -194,9 +209,27 @@ class _Scene:
             if index < 0:
                 raise IndexError
             mesh = self._document["meshes"][index]
-            read = [self._primitive(p) for p in mesh["primitives"]]
-            self._meshes[index] = [p for p in read if p is not None and len(p[1])]
+            read: list[tuple[Array, Index]] = []
+            faces = 0
+            for primitive in mesh["primitives"]:
+                found = self._primitive(primitive)
+                if found is None or not len(found[1]):
+                    continue
+                faces += len(found[1])
+                check_face_count(faces, self._name, self._max_faces)
+                read.append(_used(*found))
+            self._meshes[index] = read
         return self._meshes[index]
+
+    def _refuse_morphed(self, node: dict[str, Any]) -> None:
+        mesh = self._document["meshes"][int(node["mesh"])]
+        weights = node.get("weights", mesh.get("weights", []))
+        if any(float(w) != 0.0 for w in weights):
+            raise MeshError(
+                f"{self._name} is morphed: its targets have the weights {str(weights)[:60]}, which "
+                "are not read. Apply the shape keys and export it again.",
+                ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+            )
 
     def _primitive(self, primitive: dict[str, Any]) -> tuple[Array, Index] | None:
         mode = int(primitive.get("mode", _TRIANGLES))
@@ -227,6 +260,14 @@ class _Scene:
         return points, np.stack([corners[n], corners[n + 1 + odd], corners[n + 2 - odd]], axis=1)
 
 
+def _used(points: Array, faces: Index) -> tuple[Array, Index]:
+    """Without the points of other primitives, with which exporters share one accessor."""
+    if 3 * len(faces) >= len(points):
+        return points, faces
+    kept, index = np.unique(faces, return_inverse=True)
+    return points[kept], index.reshape(faces.shape)
+
+
 def _moved(primitives: list[tuple[Array, Index]], T: Array) -> list[tuple[Array, Index]]:
     mirrored = np.linalg.det(T[:3, :3]) < 0.0
     return [
@@ -243,6 +284,8 @@ def _local(node: dict[str, Any]) -> NDArray[np.float64]:
     else:
         x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
         length = x * x + y * y + z * z + w * w
+        if not length > 0.0:
+            raise ValueError("a rotation of length 0")
         s = 2.0 / length
         T[:3, :3] = [
             [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],

@@ -20,7 +20,7 @@ from gpis_grasp_planner.geometry.formats.recognise import refuse_bytes
 from gpis_grasp_planner.geometry.formats.words import Words, level, without_comments
 
 # The word may be glued to the first count ("OFF8 6 12"), as in a well-known collection.
-_HEAD = re.compile(rb"\s*(?P<kind>(ST)?C?N?(?P<four>4)?(?P<n>n)?OFF)(\s*(?P<binary>BINARY))?")
+_HEAD = re.compile(rb"\s*(?P<kind>(ST|C|N)*(?P<four>4)?(?P<n>n)?OFF)(\s*(?P<binary>BINARY))?")
 _HEAD_ANY_CASE = re.compile(_HEAD.pattern.replace(b"(?P<n>n)?", b"(?P<n>\\b\\B)?"), re.IGNORECASE)
 
 

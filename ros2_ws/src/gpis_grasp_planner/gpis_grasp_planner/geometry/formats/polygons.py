@@ -103,18 +103,18 @@ def _split(vertices: Array, group: Index, numbers: Index, name: str) -> Index:
     turn = np.einsum("kcj,kj->kc", np.cross(np.roll(ahead, 1, axis=1), ahead), unit)
     convex = (turn >= -limit[:, None]).all(axis=1) | (count == 4)
     faces = np.empty((k, count - 2, 3), dtype=np.int64)
-    open_ = np.arange(k)
+    open_ = np.flatnonzero(convex)  # a concave polygon has no fan worth a try
     for apex in range(count):
         turned = np.roll(np.arange(count), -apex)
         fan = points[open_][:, turned]
         spokes = fan[:, 1:] - fan[:, :1]
         areas = np.einsum("kcj,kj->kc", np.cross(spokes[:, :-1], spokes[:, 1:]), unit[open_])
-        right = convex[open_] & (areas > limit[open_][:, None]).all(axis=1)
+        right = (areas > limit[open_][:, None]).all(axis=1)
         _write_fans(faces, group, open_[right], turned)
         open_ = open_[~right]
         if len(open_) == 0:
             break
-    for i in open_:
+    for i in [*open_, *np.flatnonzero(~convex)]:
         faces[i] = group[i][_cut_ears(points[i], unit[i], float(double_area[i]), numbers[i], name)]
     return faces
 
@@ -150,7 +150,7 @@ def _cut_ears(points: Array, unit: Array, double_area: float, number: int, name:
 
 
 def _ears(flat: Array, limit: float) -> Index | None:
-    left = list(range(len(flat)))
+    left = np.arange(len(flat))
     triangles: list[tuple[int, int, int]] = []
     i = 0
     strict = True
@@ -160,7 +160,7 @@ def _ears(flat: Array, limit: float) -> Index | None:
         a, b, c = left[(i - 1) % n], left[i % n], left[(i + 1) % n]
         if _is_ear(flat, left, (a, b, c), limit, strict):
             triangles.append((a, b, c))
-            del left[i % n]
+            left = np.delete(left, i % n)
             i += 1  # the next ear elsewhere: fewer slivers
             tried, strict = 0, True
             continue
@@ -175,14 +175,14 @@ def _ears(flat: Array, limit: float) -> Index | None:
 
 
 def _is_ear(
-    flat: Array, left: list[int], ear: tuple[int, int, int], limit: float, strict: bool
+    flat: Array, left: Index, ear: tuple[int, int, int], limit: float, strict: bool
 ) -> bool:
     """Whether a corner with area can be cut off: no other corner in it (strict: nor on its rim)."""
     a, b, c = flat[list(ear)]
     area = _cross(b - a, c - a)
     if area < 0.0 or (strict and area <= limit):
         return False
-    others = flat[[v for v in left if v not in ear]]
+    others = flat[left]
     others = others[~((others == a) | (others == b) | (others == c)).all(axis=1)]
     margin = -limit if strict else limit
     inside = (

@@ -42,6 +42,8 @@ def read_stl(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     """
     if _binary_length(data) == len(data):
         return _read_binary(data, name, max_faces)
+    if (parts := _binary_parts(data)) and len(parts) > 1:
+        return _joined([_read_binary(p, name, max_faces) for p in parts], name, max_faces)
     head = level(data[:4096]).lower()
     looks_ascii = is_text(data) or (b"facet" in head and b"outer" in head)
     if head.lstrip()[:5] == b"solid" and looks_ascii:
@@ -58,6 +60,31 @@ def _binary_length(data: bytes) -> int:
     if len(data) < HEADER_BYTES:
         return -1
     return HEADER_BYTES + FACE_BYTES * int.from_bytes(data[80:84], "little")
+
+
+def _binary_parts(data: bytes) -> list[bytes]:
+    """Binary files that were written one after the other; empty where they do not fill `data`."""
+    parts: list[bytes] = []
+    while data:
+        length = _binary_length(data[:HEADER_BYTES])
+        if not HEADER_BYTES < length <= len(data):
+            return []
+        parts.append(data[:length])
+        data = data[length:]
+    return parts
+
+
+def _joined(parts: list[ParsedMesh], name: str, max_faces: int) -> ParsedMesh:
+    sizes = [len(p.faces) for p in parts]
+    faces = sum(sizes)
+    check_face_count(faces, name, max_faces)
+    starts = np.cumsum([0, *sizes[:-1]])
+    return ParsedMesh(
+        np.concatenate([p.vertices for p in parts]),
+        np.arange(3 * faces).reshape(-1, 3),
+        notes=(f"It holds {len(parts)} binary STL files, one after the other; all are read.",),
+        pieces=named_pieces([("", int(first)) for first in starts], faces),
+    )
 
 
 def _read_binary(data: bytes, name: str, max_faces: int) -> ParsedMesh:
@@ -92,12 +119,14 @@ def _read_binary(data: bytes, name: str, max_faces: int) -> ParsedMesh:
 def _read_ascii(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     blocks: list[Array] = []
     names = _Names(name)
-    faces = position = line = 0
+    faces = position = line = passed_over = 0
     while position < len(data):
         end = _block_end(data, position)
         original = level(data[position:end])
         text = names.blanked(original, faces)
-        blocks.append(_facets(text, faces, line, name))
+        block, remarks = _facets(text, faces, line, name)
+        blocks.append(block)
+        passed_over += remarks
         faces += len(blocks[-1]) // 3
         if faces > max_faces:
             check_face_count(data.lower().count(b"endfacet"), name, max_faces)
@@ -109,6 +138,9 @@ def _read_ascii(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     if names.inside:
         doubt = "the end of its last solid ('endsolid') is missing"
         notes.append("The end of the last solid ('endsolid') is missing.")
+    if passed_over:
+        doubt = doubt or "words stand between its facets"
+        notes.append(f"{passed_over} words between facets were ignored.")
     if names.passed_over:
         notes.append(f"{names.passed_over} bytes of text outside of any solid were ignored.")
     return ParsedMesh(
@@ -188,8 +220,8 @@ def _blank(text: bytes) -> bytes:
     return re.sub(rb"[^\n]", b" ", text)
 
 
-def _facets(text: bytes, before: int, lines: int, name: str) -> Array:
-    """Corners (3 f, 3) of the facets of a text in lower case, without names of solids."""
+def _facets(text: bytes, before: int, lines: int, name: str) -> tuple[Array, int]:
+    """Corners (3 f, 3) of a text in lower case without names of solids; words between facets."""
     for code, keyword in enumerate(_KEYWORDS, start=1):
         text = text.replace(keyword, bytes([code]) + b" " * (len(keyword) - 1))
     words = Words(text, lines)
@@ -197,7 +229,10 @@ def _facets(text: bytes, before: int, lines: int, name: str) -> Array:
     kind = np.where(kind <= _VERTEX, kind, 0).astype(np.uint8)
     # Normals are not used, and may hold anything (NaN, too): words from 'facet' to 'outer'.
     head = np.cumsum(kind == _FACET) > np.cumsum(kind == _OUTER)
-    kept = np.flatnonzero(~head | (kind == _FACET))
+    # Between facets, remarks and colours of some exporters.
+    between = np.cumsum(kind == _FACET) == np.cumsum(kind == _ENDFACET)
+    between &= (kind == 0) & (kind == _FACET).any()
+    kept = np.flatnonzero((~head | (kind == _FACET)) & ~between)
     kind = kind[kept]
     count, rest = divmod(len(kind), len(_PATTERN))
     wrong = kind[: count * len(_PATTERN)].reshape(-1, len(_PATTERN)) != _PATTERN
@@ -211,4 +246,4 @@ def _facets(text: bytes, before: int, lines: int, name: str) -> Array:
         )
     numbers = kept.reshape(-1, len(_PATTERN))[:, _NUMBERS].reshape(-1)
     values = words.picked(numbers, name, f"a vertex after facet {before}")
-    return values.reshape(-1, 3)
+    return values.reshape(-1, 3), int(between.sum())

@@ -13,6 +13,7 @@ import posixpath
 import zipfile
 import zlib
 from collections.abc import Iterator
+from urllib.parse import unquote
 from xml.parsers import expat
 
 import numpy as np
@@ -34,6 +35,7 @@ from gpis_grasp_planner.geometry.formats.parsed_mesh import (
     truncated,
 )
 from gpis_grasp_planner.geometry.formats.recognise import refuse_foreign
+from gpis_grasp_planner.geometry.formats.slicer_volumes import CONFIGS, Helpers
 
 METRES = {
     "micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048,
@@ -65,6 +67,7 @@ class _Package:
         self._name = name
         self._max_faces = max_faces
         self._components = 0
+        self._left_out = 0
         self._models: dict[str, Model] = {}
         self._check_sizes(len(data))
 
@@ -82,9 +85,20 @@ class _Package:
             )
         self._left = limit
 
+    def _entry(self, path: str) -> str:
+        """The entry of a part; names of parts are the same in any case, and may be escaped."""
+        names = self._archive.namelist()
+        for wanted in (path.lstrip("/"), unquote(path).lstrip("/")):
+            if wanted in names:
+                return wanted
+            for name in names:
+                if name.replace("\\", "/").lstrip("/").lower() == wanted.lower():
+                    return name
+        return path
+
     def _read(self, path: str) -> bytes:
         try:
-            with self._archive.open(path.lstrip("/")) as entry:
+            with self._archive.open(self._entry(path)) as entry:
                 content = entry.read(self._left + 1)
         except KeyError:
             raise ModelError(f"its part {path[:80]!r} is missing in the archive") from None
@@ -95,10 +109,10 @@ class _Package:
 
     def _start(self) -> str:
         """The path of the main model: by the relationship that names it, else the only one."""
-        if "_rels/.rels" in self._archive.namelist():
+        if self._entry("_rels/.rels") in self._archive.namelist():
             for kind, target in _relationships(self._read("_rels/.rels")):
                 if kind.endswith("/3dmodel"):
-                    return posixpath.normpath(posixpath.join("/", target))
+                    return posixpath.normpath(posixpath.join("/", target.lstrip("/")))
         models = [n for n in self._archive.namelist() if n.lower().endswith(".model")]
         if len(models) != 1:
             raise ModelError(f"it names no main model ({len(models)} models in the archive)")
@@ -106,14 +120,28 @@ class _Package:
 
     def _model(self, path: str) -> Model:
         if path not in self._models:
-            self._models[path] = parse_model(self._read(path), self._max_faces)
+            model = parse_model(self._read(path), self._max_faces)
+            if model.unit not in METRES:
+                raise ModelError(f"its unit is {model.unit[:20]!r}; known are {', '.join(METRES)}")
+            self._models[path] = model
+            units = sorted({m.unit for m in self._models.values()})
+            if len(units) > 1:
+                raise ModelError(f"its models are in different units ({', '.join(units)})")
         return self._models[path]
+
+    def _helpers(self) -> Helpers:
+        """What the slicer that wrote the file says of volumes that are no part of the shape."""
+        found = Helpers()
+        for path in CONFIGS:
+            entry = self._entry(path)
+            if entry in self._archive.namelist():
+                found.add(self._read(entry))
+        return found
 
     def parsed(self) -> ParsedMesh:
         start = self._start()
         main = self._model(start)
-        if main.unit not in METRES:
-            raise ModelError(f"its unit is {main.unit[:20]!r}; known are {', '.join(METRES)}")
+        self._drop(self._helpers(), main)
         notes: list[str] = []
         items = [i for i in main.items if i.printable] or main.items
         if len(items) < len(main.items):
@@ -126,6 +154,7 @@ class _Package:
         faces: list[Index] = []
         names: list[tuple[str, int]] = []
         n_vertices = n_faces = instances = 0
+        most_vertices = max(3 * self._max_faces, _MOST_INSTANCES)
         for item in items:
             where = self._path(item.path, start)
             names.append((self._object(where, item.object_id).name, n_faces))
@@ -138,11 +167,21 @@ class _Package:
                         ErrorCode.MESH_TOO_LARGE,
                     )
                 check_face_count(max(n_faces, 1), self._name, self._max_faces)
+                if n_vertices + len(mesh.vertices) > most_vertices:
+                    raise ModelError(
+                        f"its instances have more than {most_vertices} vertices",
+                        ErrorCode.MESH_TOO_LARGE,
+                    )
                 mirrored = np.linalg.det(T[:3, :3]) < 0.0
                 vertices.append(mesh.vertices @ T[:3, :3].T + T[:3, 3])
                 faces.append((mesh.faces[:, ::-1] if mirrored else mesh.faces) + n_vertices)
                 n_vertices += len(mesh.vertices)
         check_face_count(n_faces, self._name, self._max_faces)
+        if self._left_out:
+            notes.append(
+                f"{self._left_out} volumes that only guide the slicer (modifiers, blockers, other "
+                "objects) were left out."
+            )
         return ParsedMesh(
             METRES[main.unit] * np.concatenate(vertices),
             np.concatenate(faces),
@@ -150,6 +189,22 @@ class _Package:
             notes=tuple(notes),
             pieces=named_pieces(names, n_faces),
         )
+
+    def _drop(self, helpers: Helpers, main: Model) -> None:
+        for object_id, parts in helpers.parts.items():
+            if object_id in main.objects:
+                holder = main.objects[object_id]
+                kept = [c for c in holder.components if c.object_id not in parts]
+                self._left_out += len(holder.components) - len(kept)
+                holder.components = kept
+        for object_id, ranges in helpers.faces.items():
+            if object_id in main.objects:
+                holder = main.objects[object_id]
+                gone = np.zeros(len(holder.faces), dtype=bool)
+                for first, last in ranges:
+                    gone[first : last + 1] = True
+                self._left_out += len(ranges)
+                holder.faces = holder.faces[~gone]
 
     @staticmethod
     def _path(path: str, here: str) -> str:
@@ -169,6 +224,9 @@ class _Package:
             raise ModelError(f"its components are nested deeper than {_MOST_DEPTH}")
         found = self._object(where, object_id)
         if found.kind in ("support", "solidsupport"):
+            return
+        if found.kind == "other" and depth:
+            self._left_out += 1
             return
         if len(found.faces):
             yield found, T
