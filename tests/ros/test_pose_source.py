@@ -152,6 +152,7 @@ class Frames:
         self.tree = self
         self.stamp_ns = stamp_ns
         self.asked: list[tuple[str, str, int]] = []
+        self.on_frame: Callable[[str], None] = lambda _frame: None
 
     def newest_stamp_ns(self, _frame: str) -> int | None:
         return self.stamp_ns
@@ -179,6 +180,27 @@ def test_a_parts_frame_on_tf_is_its_pose_at_the_time_it_was_seen(node: StandIn) 
     with pytest.raises(PoseError) as caught:
         poses.newest("sphere")
     assert caught.value.code == ErrorCode.NO_POSE_ESTIMATE
+
+
+def test_a_part_that_is_seen_on_tf_is_told_as_one_on_a_topic_is(node: StandIn) -> None:
+    poses = PoseSource(node, lambda: TF, NO_FRAMES)  # type: ignore[arg-type]
+    frames, told = Frames(1), list[Any]()
+    poses.listen_to(frames)  # type: ignore[arg-type]
+    poses.on_estimate = told.append
+    frames.on_frame("gripper")
+    assert told == []
+    frames.on_frame("cup")
+    assert told == ["mug"]
+
+
+def test_estimates_of_another_time_are_forgotten(node: StandIn, poses: PoseSource) -> None:
+    send(node, part("mug"), part("sphere"))
+    assert poses.newest("mug").frame_id == "cell"
+    poses.forget()
+    with pytest.raises(PoseError) as caught:
+        poses.newest("mug")
+    assert caught.value.code == ErrorCode.NO_POSE_ESTIMATE
+    assert poses.parts() == []
 
 
 def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:

@@ -107,6 +107,7 @@ class PoseSource:
         """Take poses of parts from tf, where `pose_type` says so."""
         if self._settings().pose_type == "tf":
             self._frames = frames
+            frames.on_frame = self._on_frame
 
     def newest(self, mesh_id: str) -> ObjectPose:
         """The newest estimate for a part, checked at this moment, as the pose of its mesh.
@@ -136,6 +137,12 @@ class PoseSource:
                 ErrorCode.NO_POSE_ESTIMATE,
             )
         return self._estimators.pose_of_mesh(mesh_id, self.checked(raw))
+
+    def forget(self) -> None:
+        """Forget all estimates: their stamps are of another time."""
+        with self._lock:
+            self._untagged = None
+            self._by_part.clear()
 
     def from_request(self, message: PoseStamped) -> ObjectPose | None:
         """The pose a request carries, checked; None where it carries none.
@@ -228,6 +235,12 @@ class PoseSource:
             arrival_ns=now_ns,
             arrival_steady_s=time.monotonic(),
         )
+
+    def _on_frame(self, frame: str) -> None:
+        """Tell that a part was seen on tf."""
+        for name, mesh_id in mapping_of(self._settings().object_frames, "object_frames").items():
+            if name.lstrip("/") == frame:
+                self.on_estimate(mesh_id)
 
     def _on_part_poses(self, message: PartPoses) -> None:
         for part in message.parts:
