@@ -19,7 +19,8 @@ def mapping_of(pairs: Iterable[str], name: str) -> dict[str, str]:
     Raises
     ------
     RequestError
-        For a pair without "=", or a mesh ID that no catalogue can hold.
+        For a pair without "=", a mesh ID that no catalogue can hold, or a left side that stands
+        for two of them.
     """
     found: dict[str, str] = {}
     for pair in pairs:
@@ -29,7 +30,11 @@ def mapping_of(pairs: Iterable[str], name: str) -> dict[str, str]:
                 f"Setting '{name}' has the entry {pair!r:.80}; it takes texts such as "
                 "'12=mug': what the estimator says, '=', and a mesh ID."
             )
-        found[left] = mesh_id
+        if found.setdefault(left, mesh_id) != mesh_id:
+            raise RequestError(
+                f"Setting '{name}' names {left!r:.60} twice, for '{found[left]:.60}' and for "
+                f"'{mesh_id:.60}'. Keep one of them."
+            )
     return found
 
 
