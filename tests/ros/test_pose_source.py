@@ -222,6 +222,16 @@ def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
     pose = poses.newest("mug")
     assert pose.frame_id == "camera"
     assert pose.T_world_object[0, 3] == 0.4
+    message.detections[0].header.frame_id = "lens"
+    message.header.stamp.sec = 10**9 - 20  # of the image, where the detection says none
+    node.subscribed["detections"](message)
+    with pytest.raises(PoseError, match=r"20\.00 s old") as caught:
+        poses.newest("mug")
+    assert caught.value.code == ErrorCode.STALE_POSE
+    message.detections[0].header.stamp.sec = 10**9 - 2
+    node.subscribed["detections"](message)
+    newer = poses.newest("mug")
+    assert (newer.frame_id, newer.stamp_ns) == ("lens", (10**9 - 2) * 10**9)
 
 
 def test_a_type_that_is_not_installed_is_named(

@@ -203,7 +203,7 @@ class PoseSource:
         for mesh_id, (header, hypothesis) in chosen.items():
             raw = self._raw(
                 f"the detection of '{printable(mesh_id, 64)}' on {DETECTIONS_TOPIC}",
-                header if header.frame_id else message.header,
+                _header(header, message.header),
                 hypothesis.pose.pose,
                 tuple(hypothesis.pose.covariance),
             )
@@ -304,6 +304,14 @@ class PoseSource:
         if now - self._last_warning_s >= WARNING_PERIOD_S:
             self._last_warning_s = now
             self._node.get_logger().warning(printable(text, 400))
+
+
+def _header(own: Header, of_array: Header) -> Header:
+    """That of a detection: the array's where it has no frame, its stamp where it has none."""
+    if not own.frame_id:
+        return of_array
+    stamped = own.stamp.sec or own.stamp.nanosec
+    return own if stamped else Header(frame_id=own.frame_id, stamp=of_array.stamp)
 
 
 def _filled_in(message: PoseStamped) -> bool:
