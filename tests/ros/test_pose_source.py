@@ -203,7 +203,10 @@ def test_estimates_of_another_time_are_forgotten(node: StandIn, poses: PoseSourc
     assert poses.parts() == []
 
 
-def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
+def test_a_detection_is_an_estimate_of_its_part(
+    node: StandIn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pose_source, "WARNING_PERIOD_S", 0.0)
     from vision_msgs.msg import (
         Detection3D,
         Detection3DArray,
@@ -232,6 +235,15 @@ def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
     node.subscribed["detections"](message)
     newer = poses.newest("mug")
     assert (newer.frame_id, newer.stamp_ns) == ("lens", (10**9 - 2) * 10**9)
+    seen.pose.pose.position.x = 0.0  # a box alone is no pose: it would lie in the camera
+    message.detections[0].bbox.center.position.x = 0.4
+    poses.forget()
+    node.subscribed["detections"](message)
+    assert poses.parts() == []
+    assert "a box and no pose" in node.log.warnings[-1]
+    message.detections[0].bbox.center.position.x = 0.0
+    node.subscribed["detections"](message)
+    assert poses.parts() == ["mug"]
 
 
 def test_a_type_that_is_not_installed_is_named(

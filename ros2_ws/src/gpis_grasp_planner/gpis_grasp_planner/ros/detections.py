@@ -77,6 +77,21 @@ def chosen_instances(
     return {mesh_id: taken for mesh_id, (_, taken) in best.items()}
 
 
+def only_a_box(detection: Any) -> bool:
+    """Whether a detector has filled in the box alone, and left all poses as they are made.
+
+    Such a pose would be a part in the camera itself.
+    """
+    center = detection.bbox.center.position
+    boxed = (center.x, center.y, center.z) != (0.0, 0.0, 0.0)
+    return boxed and not any(_filled_in(result.pose.pose) for result in detection.results)
+
+
+def _filled_in(pose: Any) -> bool:
+    p, q = pose.position, pose.orientation
+    return (p.x, p.y, p.z, q.x, q.y, q.z) != (0.0,) * 6
+
+
 def _distance(position: Any, near: tuple[float, float, float]) -> float:
     distance = math.dist((position.x, position.y, position.z), near)
     return distance if math.isfinite(distance) else math.inf

@@ -20,7 +20,7 @@ from gpis_grasp_msgs.msg import PartPoses
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, RequestError
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
-from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of
+from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of, only_a_box
 from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose, RawPose, check_pose
 from gpis_grasp_planner.ros.scene_defaults import point_of_text
@@ -194,8 +194,14 @@ class PoseSource:
     def _on_detections(self, message: Any) -> None:
         settings = self._settings()
         near = settings.instance_point
+        posed = [each for each in message.detections if not only_a_box(each)]
+        if len(posed) < len(message.detections):
+            self._warn(
+                f"{len(message.detections) - len(posed)} detections on {DETECTIONS_TOPIC} have a "
+                "box and no pose of the part; left out. Fill in the pose of their results."
+            )
         chosen = chosen_instances(
-            message.detections,
+            posed,
             mapping_of(settings.class_ids, "class_ids"),
             settings.min_score,
             point_of_text(near, "instance_point") if near else None,
