@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Vector3, Vector3Stamped
 from rclpy.node import Node
 from real_node import real_node
 
 from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.errors import ErrorCode
+from gpis_grasp_planner.ros import answering as module
 from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.interfaces import Interfaces
@@ -183,6 +185,76 @@ def test_the_last_request_that_was_published_is_remembered(
     ask(answering, good)
     ask(answering, bad)
     assert answering.last_answered is good
+
+
+def test_a_tracked_part_does_not_take_the_place_of_what_was_answered_since(
+    answering: GraspAnswering, planned: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert planned.success
+    tracked, newer = request(), request()
+    shown: list[Any] = []
+    monkeypatch.setattr(
+        answering._publishers, "publish", lambda grasps, _pose: shown.append(grasps)
+    )
+    ask(answering, tracked)
+    assert ask(answering, tracked, only_known=True, again=True).success
+    assert len(shown) == 2
+    ask(answering, newer)
+    assert ask(answering, tracked, only_known=True, again=True).success  # it was under way
+    assert len(shown) == 3
+    assert answering.last_answered is newer
+    answering.forget(tracked)
+    assert answering.last_answered is newer
+    answering.forget(newer)
+    assert answering.last_answered is None
+
+
+def test_a_tracked_part_does_not_fill_the_log(
+    answering: GraspAnswering, planned: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert planned.success
+    lines: list[str] = []
+    monkeypatch.setattr(module, "log_info", lambda _log, text: lines.append(text))
+    tracked, lost = request(), request("nonesuch")
+    ask(answering, tracked)
+    for _ in range(5):
+        ask(answering, tracked, only_known=True, again=True)
+    assert len(lines) == 1
+    for _ in range(5):
+        ask(answering, lost, only_known=True, again=True)
+    assert len(lines) == 2  # another code
+    assert "UNKNOWN_MESH" in lines[1]
+
+
+def test_the_approach_is_in_the_frame_of_the_estimate_that_came_meanwhile(
+    answering: GraspAnswering, planned: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert planned.success
+    before, now = request().object_pose, request().object_pose
+    now.header.frame_id = "cell"
+    estimates = iter([answering._poses.from_request(before), answering._poses.from_request(now)])
+    monkeypatch.setattr(answering._poses, "newest", lambda _mesh_id: next(estimates))
+    asked = check_request(0, 20.0, 1, "", "", answering._settings())
+    known = answering._plans.known("sphere", asked, Call())
+    cones: list[Any] = []
+
+    def plan(_mesh_id: str, asked_for: Any, _call: Any, _place: Any) -> Any:
+        cones.append(asked_for.approach)
+        return replace(known, from_cache=False)
+
+    def place(delivered: Any, _place: Any, asked_for: Any, _call: Any) -> Any:
+        cones.append(asked_for.approach)
+        return delivered
+
+    monkeypatch.setattr(answering._plans, "plan", plan)
+    monkeypatch.setattr(answering._plans, "place", place)
+    along_x = Vector3Stamped(vector=Vector3(x=1.0))
+    along_x.header.frame_id = "world"
+    said = {"approach_axis": along_x, "approach_half_angle": 0.5, "object_pose": PoseStamped()}
+    there = ask(answering, request(**said))
+    assert there.grasps[0].palm_pose.header.frame_id == "cell"
+    # The cell is turned by half a turn against the world.
+    assert [cone.axis.tolist() for cone in cones] == [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
 
 
 def test_while_it_is_worked_on_feedback_shows_grasps_where_the_part_lies(

@@ -66,5 +66,11 @@ def test_a_bad_pair_is_refused_with_an_example(pair: str) -> None:
         mapping_of([pair], "class_ids")
 
 
+def test_a_class_that_stands_for_two_parts_is_refused() -> None:
+    with pytest.raises(RequestError, match=r"'12' twice, for 'mug' and for 'box'"):
+        mapping_of(["12=mug", "7=mug", "12=box"], "class_ids")
+    assert mapping_of(["12=mug", "7=mug", "12=mug"], "class_ids") == {"12": "mug", "7": "mug"}
+
+
 def test_a_class_may_have_an_equals_sign() -> None:
     assert mapping_of(["a=b=mug"], "class_ids") == {"a=b": "mug"}

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 
 from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
@@ -147,3 +149,13 @@ def test_an_errand_that_was_not_begun_in_time_is_not_done_later(
     node._errands.put(done := Errand(lambda: ran.append("next")))
     done.result(LIMIT_S)
     assert ran == ["next"]
+
+
+@pytest.mark.parametrize("label", ["", "activate", "nonsense"])
+def test_a_transition_that_is_not_of_this_state_is_answered(node: Any, label: str) -> None:
+    asked = ChangeState.Request()
+    asked.transition.id, asked.transition.label = Transition.TRANSITION_ACTIVATE, label
+    answered = node._service_change_state.callback(asked, ChangeState.Response(success=True))
+    assert not answered.success
+    assert node._state_machine.current_state[1] == "unconfigured"
+    assert node.trigger_configure() is Outcome.SUCCESS

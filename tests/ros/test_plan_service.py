@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
+from typing import Any
 
+import pytest
+from rclpy.node import Node
+from real_node import plain_node, real_node
+
+from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.ros.call import Call
-from gpis_grasp_planner.ros.plan_service import ClientWatch
+from gpis_grasp_planner.ros.plan_service import ClientWatch, PlanGraspService
 
 
 @pytest.mark.parametrize(
@@ -49,3 +54,21 @@ def test_without_calls_nobody_is_counted() -> None:
     with watch.watched(Call()):
         pass
     watch.look()
+
+
+def test_clients_are_counted_under_the_names_after_remapping(tools: Any) -> None:
+    class Requests:
+        """Offers nothing."""
+
+        def offer(self, *_: Any) -> None:
+            pass
+
+    def make(context: Any) -> Node:
+        return Node("renamed", context=context, namespace="/cell")
+
+    with real_node(make, "-r plan_grasp:=/line/plan") as node, plain_node("asking") as client:
+        service = PlanGraspService(node, None, Requests())  # type: ignore[arg-type]
+        client.create_client(PlanGrasp, "/line/plan")
+        tools.wait(lambda: service._watch._count_clients() == 1, "the renamed one's client")
+        client.create_client(PlanGrasp, "/cell/get_grasps")
+        tools.wait(lambda: service._watch._count_clients() == 2, "the other one's")

@@ -152,6 +152,7 @@ class Frames:
         self.tree = self
         self.stamp_ns = stamp_ns
         self.asked: list[tuple[str, str, int]] = []
+        self.on_frame: Callable[[str], None] = lambda _frame: None
 
     def newest_stamp_ns(self, _frame: str) -> int | None:
         return self.stamp_ns
@@ -181,7 +182,31 @@ def test_a_parts_frame_on_tf_is_its_pose_at_the_time_it_was_seen(node: StandIn) 
     assert caught.value.code == ErrorCode.NO_POSE_ESTIMATE
 
 
-def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
+def test_a_part_that_is_seen_on_tf_is_told_as_one_on_a_topic_is(node: StandIn) -> None:
+    poses = PoseSource(node, lambda: TF, NO_FRAMES)  # type: ignore[arg-type]
+    frames, told = Frames(1), list[Any]()
+    poses.listen_to(frames)  # type: ignore[arg-type]
+    poses.on_estimate = told.append
+    frames.on_frame("gripper")
+    assert told == []
+    frames.on_frame("cup")
+    assert told == ["mug"]
+
+
+def test_estimates_of_another_time_are_forgotten(node: StandIn, poses: PoseSource) -> None:
+    send(node, part("mug"), part("sphere"))
+    assert poses.newest("mug").frame_id == "cell"
+    poses.forget()
+    with pytest.raises(PoseError) as caught:
+        poses.newest("mug")
+    assert caught.value.code == ErrorCode.NO_POSE_ESTIMATE
+    assert poses.parts() == []
+
+
+def test_a_detection_is_an_estimate_of_its_part(
+    node: StandIn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pose_source, "WARNING_PERIOD_S", 0.0)
     from vision_msgs.msg import (
         Detection3D,
         Detection3DArray,
@@ -200,6 +225,25 @@ def test_a_detection_is_an_estimate_of_its_part(node: StandIn) -> None:
     pose = poses.newest("mug")
     assert pose.frame_id == "camera"
     assert pose.T_world_object[0, 3] == 0.4
+    message.detections[0].header.frame_id = "lens"
+    message.header.stamp.sec = 10**9 - 20  # of the image, where the detection says none
+    node.subscribed["detections"](message)
+    with pytest.raises(PoseError, match=r"20\.00 s old") as caught:
+        poses.newest("mug")
+    assert caught.value.code == ErrorCode.STALE_POSE
+    message.detections[0].header.stamp.sec = 10**9 - 2
+    node.subscribed["detections"](message)
+    newer = poses.newest("mug")
+    assert (newer.frame_id, newer.stamp_ns) == ("lens", (10**9 - 2) * 10**9)
+    seen.pose.pose.position.x = 0.0  # a box alone is no pose: it would lie in the camera
+    message.detections[0].bbox.center.position.x = 0.4
+    poses.forget()
+    node.subscribed["detections"](message)
+    assert poses.parts() == []
+    assert "a box and no pose" in node.log.warnings[-1]
+    message.detections[0].bbox.center.position.x = 0.0
+    node.subscribed["detections"](message)
+    assert poses.parts() == ["mug"]
 
 
 def test_a_type_that_is_not_installed_is_named(

@@ -58,6 +58,13 @@ def test_the_default_support_stands_where_no_request_gives_one() -> None:
     assert given.surroundings.support.normal == pytest.approx([0, 0, 1])
 
 
+def test_a_support_without_a_frame_is_refused_and_not_replaced_by_the_default_one() -> None:
+    scenes = source(support_frame="cell", support_pose="0 0 0.75 0 0 0 1")
+    with pytest.raises(RequestError, match="a pose and no frame") as caught:
+        scenes.place(PlanGrasp.Request(support_plane=plane("", 0.3)), POSE)
+    assert caught.value.code == ErrorCode.INVALID_SCENE
+
+
 def test_obstacles_of_the_request_come_beside_the_default_ones() -> None:
     box = Obstacle(pose=plane("cell", 1.0), size=Vector3(x=0.1, y=0.2, z=0.3))
     scenes = source(obstacles=WALL, obstacles_frame="cell")

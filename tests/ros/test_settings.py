@@ -32,6 +32,8 @@ def test_read_only_parameters_exist() -> None:
         ({"support_frame": "w w"}, "support_frame"),
         ({"pose_type": "tf"}, "object_parent_frame"),
         ({"class_ids": ("12",)}, "class_ids"),
+        ({"object_frames": ("cup=mug", "cup=box")}, "'cup' twice"),
+        ({"object_frames": ("cup=mug", "cup_2=mug")}, "one frame for each part"),
         ({"instance_point": "0 0"}, "three numbers"),
         ({"support_frame": "w" * 5000}, "1 to 255 letters"),
         ({"obstacles_frame": "w\n"}, "obstacles_frame"),

@@ -75,6 +75,19 @@ def test_a_chain_of_moving_and_static_frames_is_followed_both_ways(heard: Heard)
     assert np.allclose(T @ heard.listener.transform("camera", "table", 11 * NS), np.eye(4))
 
 
+def test_frames_that_move_are_told_and_static_ones_are_not(heard: Heard) -> None:
+    told: list[str] = []
+    heard.listener.on_frame = told.append
+    heard.say(transform("base", "table", 1.0), static=True)
+    heard.listener.transform("base", "table", 0)
+    heard.say(transform("base", "/cup", 1.0))
+    heard.listener.transform("base", "cup", 0)
+    heard.say(transform("base", "plate", 1.0))
+    heard.listener.transform("base", "plate", 0)
+    assert told[0] == "cup"
+    assert "table" not in told
+
+
 def test_a_static_frame_is_heard_by_whoever_comes_later(heard: Heard) -> None:
     heard.say(transform("base", "table", 0.5), static=True)
     with plain_node("late", spins=True) as node:

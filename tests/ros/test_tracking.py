@@ -22,10 +22,15 @@ class Answering:
         self.asked: list[tuple[str, bool]] = []
 
     def answer(
-        self, request: Any, response: Any, _call: Any, _name: str, *, only_known: bool
+        self, request: Any, response: Any, _call: Any, _name: str, *, only_known: bool, again: bool
     ) -> None:
+        assert again
         self.asked.append((request.mesh_id, only_known))
         response.code = int(self.code)
+
+    def forget(self, request: Any) -> None:
+        assert request is self.last_answered
+        self.last_answered = None
 
 
 class Later(ThreadPoolExecutor):

@@ -150,3 +150,28 @@ def test_a_circle_does_not_hang_and_a_new_parent_takes_over() -> None:
         tree.look_up("c", "a", 0, 0.0)
     put(tree, "c", "a", 0.0, (5, 0, 0), IDENTITY, static=True)
     assert tree.look_up("c", "b", 0, 0.0)[0, 3] == 6.0
+
+
+def test_after_the_clock_went_back_nothing_of_before_is_mixed_in() -> None:
+    tree = TransformTree()
+    put(tree, "base", "table", 0.0, (0, 0, 1), IDENTITY, static=True)
+    put(tree, "base", "camera", 100.0, (50, 0, 0), IDENTITY)
+    put(tree, "base", "camera", 102.0, (50, 0, 0), IDENTITY)
+    tree.forget_moving()
+    with pytest.raises(PoseError) as caught:
+        tree.look_up("base", "camera", int(101.0 * S), 10.0)
+    assert caught.value.code == ErrorCode.NO_TRANSFORM
+    put(tree, "base", "camera", 99.0, (1, 0, 0), IDENTITY)
+    put(tree, "base", "camera", 101.5, (2, 0, 0), IDENTITY)
+    T = tree.look_up("base", "camera", int(101.5 * S), 0.0)
+    np.testing.assert_allclose(T[:3, 3], [2, 0, 0])
+    np.testing.assert_allclose(tree.look_up("base", "table", 0, 0.0)[:3, 3], [0, 0, 1])
+
+
+def test_a_publisher_whose_clock_went_back_is_heard_again() -> None:
+    tree = TransformTree()
+    put(tree, "base", "camera", 1000.0, (50, 0, 0), IDENTITY)
+    for k in range(3):
+        put(tree, "base", "camera", 1.0 + k, (k, 0, 0), IDENTITY)
+    T = tree.look_up("base", "camera", int(1.5 * S), 0.0)
+    np.testing.assert_allclose(T[:3, 3], [0.5, 0, 0])

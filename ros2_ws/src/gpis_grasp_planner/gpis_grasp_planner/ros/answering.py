@@ -68,6 +68,7 @@ class GraspAnswering:
         self._scenes = scenes
         self._transform = transform
         self._count_lock = threading.Lock()
+        self._publish_lock = threading.Lock()
         self.n_in_work = 0
         self.n_answers = 0
         self.last_code = ErrorCode.SUCCESS
@@ -102,6 +103,7 @@ class GraspAnswering:
         name: str,
         *,
         only_known: bool = False,
+        again: bool = False,
     ) -> None:
         """Fill in a response; never raises.
 
@@ -114,11 +116,14 @@ class GraspAnswering:
             Of the service or action, for the log.
         only_known : bool
             Answer from memory or not at all.
+        again : bool
+            Of the last answered request, for its part's next estimate. Nothing is published where
+            another was answered meanwhile, and the log has a line where the code is another.
         """
         with self._count_lock:
             self.n_in_work += 1
         try:
-            self._answer(request, response, call, only_known)
+            self._answer(request, response, call, only_known, again)
         except GraspPlannerError as error:
             _fail(response, error.code, error.message)
         except Exception as error:
@@ -133,15 +138,26 @@ class GraspAnswering:
             self._plans.release(call)
             with self._count_lock:
                 self.n_in_work -= 1
-        self._tell(request, response, call, name)
+        self._tell(request, response, call, name, again)
 
-    def _tell(self, request: GraspRequest, response: Any, call: Call, name: str) -> None:
+    def forget(self, request: GraspRequest) -> None:
+        """It is not the last answered one any more, where it is that still."""
+        with self._publish_lock:
+            if self.last_answered is request:
+                self.last_answered = None
+
+    def _tell(
+        self, request: GraspRequest, response: Any, call: Call, name: str, again: bool = False
+    ) -> None:
         """Count an answer and log it."""
         response.elapsed = call.elapsed_s
         with self._count_lock:
+            known = again and self.last_code == response.code
             self.n_answers += 1
             self.last_code = ErrorCode(response.code)
             self.last_message = response.message
+        if known:  # at the rate of a camera it would fill the log
+            return
         how = "from memory" if response.from_cache else f"{response.evaluations} evaluations"
         log_info(
             self._log,
@@ -150,7 +166,9 @@ class GraspAnswering:
             f"{printable(response.message, 400)}",
         )
 
-    def _answer(self, request: GraspRequest, response: Any, call: Call, only_known: bool) -> None:
+    def _answer(
+        self, request: GraspRequest, response: Any, call: Call, only_known: bool, again: bool
+    ) -> None:
         plan_request = self._checked(request)
         self._plans.check_mesh_id(request.mesh_id)
         given = self._poses.from_request(request.object_pose)
@@ -172,6 +190,8 @@ class GraspAnswering:
             pose, planned_for = self._newer(request.mesh_id, pose), pose
             if pose is not planned_for:
                 place = self._scenes.place(request, pose)
+                approach = approach_of(request, pose, self._transform)
+                plan_request = replace(plan_request, approach=approach)
             if pose is not planned_for and self._plans.depends(plan_request, place):
                 delivered = self._plans.place(delivered, place, plan_request, call)
             if pose is not planned_for:
@@ -195,7 +215,15 @@ class GraspAnswering:
             response.best_attempt = [attempt]
         response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
         if response.success:
-            self._publishers.publish(response.grasps, pose_message(shown.T_world_object))
+            self._publish(request, response.grasps, shown, again)
+
+    def _publish(
+        self, request: GraspRequest, grasps: list[Any], shown: ObjectPose, again: bool
+    ) -> None:
+        with self._publish_lock:
+            if again and self.last_answered is not request:
+                return
+            self._publishers.publish(grasps, pose_message(shown.T_world_object))
             self.last_answered = request
 
     def _checked(self, request: GraspRequest) -> PlanRequest:

@@ -19,7 +19,8 @@ def mapping_of(pairs: Iterable[str], name: str) -> dict[str, str]:
     Raises
     ------
     RequestError
-        For a pair without "=", or a mesh ID that no catalogue can hold.
+        For a pair without "=", a mesh ID that no catalogue can hold, or a left side that stands
+        for two of them.
     """
     found: dict[str, str] = {}
     for pair in pairs:
@@ -29,7 +30,11 @@ def mapping_of(pairs: Iterable[str], name: str) -> dict[str, str]:
                 f"Setting '{name}' has the entry {pair!r:.80}; it takes texts such as "
                 "'12=mug': what the estimator says, '=', and a mesh ID."
             )
-        found[left] = mesh_id
+        if found.setdefault(left, mesh_id) != mesh_id:
+            raise RequestError(
+                f"Setting '{name}' names {left!r:.60} twice, for '{found[left]:.60}' and for "
+                f"'{mesh_id:.60}'. Keep one of them."
+            )
     return found
 
 
@@ -70,6 +75,21 @@ def chosen_instances(
             if mesh_id not in best or entry[0] < best[mesh_id][0]:
                 best[mesh_id] = entry
     return {mesh_id: taken for mesh_id, (_, taken) in best.items()}
+
+
+def only_a_box(detection: Any) -> bool:
+    """Whether a detector has filled in the box alone, and left all poses as they are made.
+
+    Such a pose would be a part in the camera itself.
+    """
+    center = detection.bbox.center.position
+    boxed = (center.x, center.y, center.z) != (0.0, 0.0, 0.0)
+    return boxed and not any(_filled_in(result.pose.pose) for result in detection.results)
+
+
+def _filled_in(pose: Any) -> bool:
+    p, q = pose.position, pose.orientation
+    return (p.x, p.y, p.z, q.x, q.y, q.z) != (0.0,) * 6
 
 
 def _distance(position: Any, near: tuple[float, float, float]) -> float:

@@ -9,6 +9,7 @@ from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
+from gpis_grasp_planner.ros.steady_timer import steady_timer
 from gpis_grasp_planner.ros.work_queue import WorkQueue
 from gpis_grasp_planner.ros.worker.supervisor import WorkerSupervisor
 
@@ -33,7 +34,7 @@ class Diagnostics:
         self._poses = poses
         self._answering = answering
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        node.create_timer(period_s, self._on_timer)
+        steady_timer(node, period_s, self._on_timer)
 
     def _on_timer(self) -> None:
         try:

@@ -23,6 +23,7 @@ from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.request_reader import RequestReader
 from gpis_grasp_planner.ros.scene_source import SceneSource
 from gpis_grasp_planner.ros.tf_listener import TfListener
+from gpis_grasp_planner.ros.time_jumps import TimeJumps
 from gpis_grasp_planner.ros.tracking import Tracking
 from gpis_grasp_planner.ros.work_queue import Lane
 
@@ -47,6 +48,7 @@ class Interfaces:
         self._threads = ThreadPoolExecutor(n_threads(parameters), "request")
         before = _entities(node)
         self._requests = RequestReader(node, self._threads)
+        self._jumps: TimeJumps | None = None
         try:
             self._make(node, parameters, planning)
         except Exception:
@@ -68,6 +70,7 @@ class Interfaces:
         )
         frames = TfListener(node, lambda: parameters.node)
         poses.listen_to(frames)
+        self._jumps = TimeJumps(node, poses.forget, frames.tree.forget_moving)
         scenes = SceneSource(
             lambda: parameters.node,
             plans.check_mesh_id,
@@ -116,6 +119,9 @@ class Interfaces:
         The entities go with the node, or by :meth:`destroy`.
         """
         self._requests.close()
+        if self._jumps is not None:
+            self._jumps.close()
+            self._jumps = None
         drain(self._threads, FAREWELL_S)
 
     def destroy(self) -> None:

@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from queue import Queue
+from typing import Any
 
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from gpis_grasp_planner.errors import GraspPlannerError
@@ -51,7 +53,22 @@ class GraspPlannerLifecycleNode(LifecycleNode):
         self._planning: Planning | None = None
         self._interfaces: Interfaces | None = None
         self._errands: Queue[Errand] = Queue()
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._change_or_refuse
         self.get_logger().info("Unconfigured: waits for the transition 'configure'.")
+
+    def _change_or_refuse(self, request: Any, response: Any) -> Any:
+        """Answer a transition that is not of this state: rclpy would raise, and answer nothing."""
+        try:
+            return self._change_state(request, response)
+        except RCLError:
+            asked = request.transition.label or request.transition.id
+            self.get_logger().warning(
+                f"No transition {printable(asked, 60)} from the state "
+                f"'{self._state_machine.current_state[1]}'."
+            )
+            response.success = False
+            return response
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the planning process; FAILURE where the configuration does not allow it."""

@@ -19,6 +19,7 @@ from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.conversions import feedback_message
 from gpis_grasp_planner.ros.request_reader import SERVICE_QOS
 from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.steady_timer import steady_timer
 from gpis_grasp_planner.ros.text import printable
 
 ACTION = "plan_grasp"
@@ -61,8 +62,8 @@ class PlanGraspAction:
             cancel_service_qos_profile=SERVICE_QOS,
             result_timeout=RESULT_TIMEOUT_S,
         )
-        self._feedback = node.create_timer(
-            FEEDBACK_PERIOD_S, self._give_feedback, callback_group=ReentrantCallbackGroup()
+        self._feedback = steady_timer(
+            node, FEEDBACK_PERIOD_S, self._give_feedback, ReentrantCallbackGroup()
         )
 
     def _on_accepted(self, goal: ServerGoalHandle) -> None:

@@ -14,6 +14,7 @@ from gpis_grasp_msgs.srv import PlanGrasp
 from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.call import Call
 from gpis_grasp_planner.ros.request_reader import RequestReader, Work, later
+from gpis_grasp_planner.ros.steady_timer import steady_timer
 
 SERVICE = "plan_grasp"
 KNOWN_SERVICE = "get_grasps"
@@ -78,12 +79,12 @@ class PlanGraspService:
 
     def __init__(self, node: Node, answering: GraspAnswering, requests: RequestReader) -> None:
         self._answering = answering
-        self._watch = ClientWatch(
-            lambda: node.count_clients(SERVICE) + node.count_clients(KNOWN_SERVICE)
-        )
+        # Under the names they have after remapping, which counting does not do.
+        names = [node.resolve_service_name(name) for name in (SERVICE, KNOWN_SERVICE)]
+        self._watch = ClientWatch(lambda: sum(map(node.count_clients, names)))
         requests.offer(PlanGrasp, SERVICE, self._begin)
         requests.offer(PlanGrasp, KNOWN_SERVICE, later(self._known))
-        node.create_timer(CLIENTS_PERIOD_S, self._watch.look)
+        steady_timer(node, CLIENTS_PERIOD_S, self._watch.look)
 
     def _begin(self, request: Any, response: Any) -> Work | None:
         call = Call()

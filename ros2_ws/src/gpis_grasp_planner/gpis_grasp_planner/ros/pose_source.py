@@ -20,7 +20,7 @@ from gpis_grasp_msgs.msg import PartPoses
 from gpis_grasp_planner.errors import ErrorCode, GraspPlannerError, PoseError, RequestError
 from gpis_grasp_planner.geometry.catalogue import ID_PATTERN
 from gpis_grasp_planner.geometry.transforms import to_position_quat_xyzw
-from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of
+from gpis_grasp_planner.ros.detections import chosen_instances, mapping_of, only_a_box
 from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
 from gpis_grasp_planner.ros.request_guard import NANOSECONDS, ObjectPose, RawPose, check_pose
 from gpis_grasp_planner.ros.scene_defaults import point_of_text
@@ -107,6 +107,7 @@ class PoseSource:
         """Take poses of parts from tf, where `pose_type` says so."""
         if self._settings().pose_type == "tf":
             self._frames = frames
+            frames.on_frame = self._on_frame
 
     def newest(self, mesh_id: str) -> ObjectPose:
         """The newest estimate for a part, checked at this moment, as the pose of its mesh.
@@ -136,6 +137,12 @@ class PoseSource:
                 ErrorCode.NO_POSE_ESTIMATE,
             )
         return self._estimators.pose_of_mesh(mesh_id, self.checked(raw))
+
+    def forget(self) -> None:
+        """Forget all estimates: their stamps are of another time."""
+        with self._lock:
+            self._untagged = None
+            self._by_part.clear()
 
     def from_request(self, message: PoseStamped) -> ObjectPose | None:
         """The pose a request carries, checked; None where it carries none.
@@ -187,8 +194,14 @@ class PoseSource:
     def _on_detections(self, message: Any) -> None:
         settings = self._settings()
         near = settings.instance_point
+        posed = [each for each in message.detections if not only_a_box(each)]
+        if len(posed) < len(message.detections):
+            self._warn(
+                f"{len(message.detections) - len(posed)} detections on {DETECTIONS_TOPIC} have a "
+                "box and no pose of the part; left out. Fill in the pose of their results."
+            )
         chosen = chosen_instances(
-            message.detections,
+            posed,
             mapping_of(settings.class_ids, "class_ids"),
             settings.min_score,
             point_of_text(near, "instance_point") if near else None,
@@ -196,7 +209,7 @@ class PoseSource:
         for mesh_id, (header, hypothesis) in chosen.items():
             raw = self._raw(
                 f"the detection of '{printable(mesh_id, 64)}' on {DETECTIONS_TOPIC}",
-                header if header.frame_id else message.header,
+                _header(header, message.header),
                 hypothesis.pose.pose,
                 tuple(hypothesis.pose.covariance),
             )
@@ -228,6 +241,12 @@ class PoseSource:
             arrival_ns=now_ns,
             arrival_steady_s=time.monotonic(),
         )
+
+    def _on_frame(self, frame: str) -> None:
+        """Tell that a part was seen on tf."""
+        for name, mesh_id in mapping_of(self._settings().object_frames, "object_frames").items():
+            if name.lstrip("/") == frame:
+                self.on_estimate(mesh_id)
 
     def _on_part_poses(self, message: PartPoses) -> None:
         for part in message.parts:
@@ -291,6 +310,14 @@ class PoseSource:
         if now - self._last_warning_s >= WARNING_PERIOD_S:
             self._last_warning_s = now
             self._node.get_logger().warning(printable(text, 400))
+
+
+def _header(own: Header, of_array: Header) -> Header:
+    """That of a detection: the array's where it has no frame, its stamp where it has none."""
+    if not own.frame_id:
+        return of_array
+    stamped = own.stamp.sec or own.stamp.nanosec
+    return own if stamped else Header(frame_id=own.frame_id, stamp=of_array.stamp)
 
 
 def _filled_in(message: PoseStamped) -> bool:

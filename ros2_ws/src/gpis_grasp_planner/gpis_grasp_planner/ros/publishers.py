@@ -20,6 +20,7 @@ from gpis_grasp_planner.ros.hand_frames import HandFrames
 from gpis_grasp_planner.ros.markers import GraspMarkers, ShownPart
 from gpis_grasp_planner.ros.qos import LATCHED_QOS
 from gpis_grasp_planner.ros.settings import NodeSettings
+from gpis_grasp_planner.ros.steady_timer import steady_timer
 
 MARKER_PERIOD_S = 0.1
 
@@ -58,7 +59,7 @@ class GraspPublishers:
         self._marker_array = node.create_publisher(MarkerArray, "grasp_markers", LATCHED_QOS)
         self._description = node.create_publisher(String, "robot_description", LATCHED_QOS)
         self._description.publish(String(data=urdf))
-        self._drawing = node.create_timer(MARKER_PERIOD_S, self._draw)
+        self._drawing = steady_timer(node, MARKER_PERIOD_S, self._draw)
 
     def publish(self, grasps: Sequence[Grasp], object_pose: Pose) -> None:
         """Publish the first of the grasps on all topics, and where the palm is in each of them.

@@ -155,10 +155,10 @@ class SceneSource:
         if message.header.frame_id:
             T = _pose_of(message, "the request's support_plane")
             return self._into(pose, message.header.frame_id, "the request's support_plane") @ T
+        _check_untouched(message)  # else the default one would be taken in its place
         if settings.support_frame:
             T = pose_of_text(settings.support_pose, "support_pose")
             return self._into(pose, settings.support_frame, "the parameter support_frame") @ T
-        _check_untouched(message)
         return None
 
     def _default_obstacles(

@@ -312,6 +312,11 @@ class NodeSettings(SettingsGroup):
     def _check_estimates(self) -> None:
         mapping_of(self.class_ids, "class_ids")
         frames = mapping_of(self.object_frames, "object_frames")
+        if len(set(frames.values())) < len(frames):
+            raise RequestError(
+                f"Setting 'object_frames' is {list(self.object_frames)!r:.120}; it takes one frame "
+                "for each part. Leave the others out: which of them holds a part cannot be told."
+            )
         if self.instance_point:
             point_of_text(self.instance_point, "instance_point")
         if self.pose_type == "tf" and not (frames and self.object_parent_frame):

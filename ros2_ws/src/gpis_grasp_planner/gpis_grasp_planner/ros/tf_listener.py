@@ -53,6 +53,8 @@ class TfListener:
     tree : TransformTree
     missing : str
         The name of what is not installed, else "".
+    on_frame : callable
+        Called with the name of each frame that was seen moving.
     """
 
     def __init__(self, node: Node, settings: Callable[[], NodeSettings]) -> None:
@@ -60,6 +62,7 @@ class TfListener:
         self._settings = settings
         self.tree = TransformTree()
         self.missing = ""
+        self.on_frame: Callable[[str], None] = lambda _frame: None
         self._changed = threading.Condition()
         self._last_warning_s = -_WARNING_PERIOD_S
         try:
@@ -125,3 +128,6 @@ class TfListener:
                 self._node.get_logger().warning(f"On tf, ignored: {why}.")
         with self._changed:
             self._changed.notify_all()
+        if not static:
+            for transform in message.transforms:
+                self.on_frame(transform.child_frame_id.lstrip("/"))

@@ -53,8 +53,8 @@ class Tracking:
     def _answer_again(self, request: PlanGrasp.Request) -> None:
         response = PlanGrasp.Response()
         try:
-            self._answering.answer(request, response, Call(), "track", only_known=True)
+            self._answering.answer(request, response, Call(), "track", only_known=True, again=True)
         finally:
             self._at_work.release()
         if response.code == ErrorCode.NOTHING_KNOWN:
-            self._answering.last_answered = None
+            self._answering.forget(request)

@@ -20,6 +20,7 @@ KEPT_S = 10.0
 MOST_FRAMES = 2000
 _MOST_SAMPLES = 5000
 _NS = 1_000_000_000
+_KEPT_NS = int(KEPT_S * _NS)
 
 
 @dataclass(eq=False)
@@ -33,14 +34,15 @@ class _Edge:
     quats_xyzw: list[Array] = field(default_factory=list)
 
     def add(self, stamp_ns: int, position: Array, quat_xyzw: Array) -> None:
-        if self.static:
+        # One older than all that would be kept: its publisher's clock went back.
+        if self.static or (self.stamps_ns and stamp_ns < self.stamps_ns[-1] - _KEPT_NS):
             self.stamps_ns, self.positions, self.quats_xyzw = [], [], []
         i = bisect.bisect_left(self.stamps_ns, stamp_ns)
         again = i < len(self.stamps_ns) and self.stamps_ns[i] == stamp_ns
         for values, value in zip(self._lists(), (stamp_ns, position, quat_xyzw), strict=True):
             values[i : i + again] = [value]
         newest = self.stamps_ns[-1]
-        drop = bisect.bisect_left(self.stamps_ns, newest - int(KEPT_S * _NS))
+        drop = bisect.bisect_left(self.stamps_ns, newest - _KEPT_NS)
         drop = max(drop, len(self.stamps_ns) - _MOST_SAMPLES)
         for values in self._lists():
             del values[:drop]
@@ -123,6 +125,11 @@ class TransformTree:
                 edge = self._edges[child] = _Edge(parent, static)
             edge.add(stamp_ns, position, quat_xyzw / norm)
         return None
+
+    def forget_moving(self) -> None:
+        """Forget all transforms but static ones: their stamps are of another time."""
+        with self._lock:
+            self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
 
     def newest_stamp_ns(self, frame: str) -> int | None:
         """When a frame was last seen in its parent; None where it was not, or never moves."""
