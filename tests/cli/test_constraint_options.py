@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 import pytest
 
 from gpis_grasp_planner.cli.constraint_options import add_constraints, constraints_of
+from gpis_grasp_planner.cli.parser import CommandParser
 from gpis_grasp_planner.errors import ErrorCode, RequestError
 
 
-def read(*words, scene=None):
-    parser = argparse.ArgumentParser()
+def parsed(*words):
+    parser = CommandParser()
     add_constraints(parser)
-    return constraints_of(parser.parse_args(words), scene or {})
+    return parser.parse_args(words)
+
+
+def read(*words, scene=None):
+    return constraints_of(parsed(*words), scene or {})
 
 
 def test_nothing_given_restricts_nothing():
@@ -63,3 +66,20 @@ def test_what_makes_no_sense_is_refused(words, scene, text):
     with pytest.raises(RequestError, match=text) as caught:
         read(*words, scene=scene)
     assert caught.value.code == ErrorCode.INVALID_SCENE
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        (["--approach", "-1,0,0,30"], "-1,0,0,30"),
+        (["--approach", "-.5 0 -1 30"], "-.5 0 -1 30"),
+        (["--approach", "-5e-1,0,0,30"], "-5e-1,0,0,30"),
+    ],
+)
+def test_a_list_may_begin_with_a_negative_number(words, kept):
+    assert parsed(*words).approach == kept
+
+
+def test_a_missing_list_is_told():
+    with pytest.raises(SystemExit):
+        parsed("--approach", "--forbid", "0,0,0,1,1,1")

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from gpis_grasp_planner.hand.description import load_hand
@@ -65,3 +66,29 @@ def test_a_picture_of_a_hand(gpis_grasp, tmp_path) -> None:
     assert answer.code == 0
     with Image.open(path) as image:
         assert image.size == (3 * 480, 360)
+
+
+def test_each_action_speaks_json(gpis_grasp, tmp_path) -> None:
+    names = json.loads(gpis_grasp("hand", "list", "--json").out)
+    assert names["default"] in names["hands"]
+    checked = json.loads(gpis_grasp("hand", "check", "parallel_jaw", "--json").out)
+    assert checked == {"name": "parallel_jaw", "faults": []}
+    path = tmp_path / "jaw.png"
+    drawn = gpis_grasp("hand", "show", "parallel_jaw", "--picture", path, "--json")
+    assert json.loads(drawn.out) == {"picture": str(path), "name": "parallel_jaw"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("list", "parallel_jaw"),
+        ("check", "--urdf"),
+        ("facts", "--picture", "a.png"),
+        ("check", "parallel_jaw", "--name", "barrett_bh280"),
+    ],
+)
+def test_what_an_action_does_not_use_is_refused(gpis_grasp, words) -> None:
+    answer = gpis_grasp("hand", *words)
+    assert answer.code == 1
+    assert not answer.out
+    assert answer.err.startswith("gpis-grasp: error: ")

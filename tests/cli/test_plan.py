@@ -257,6 +257,35 @@ def test_render_finds_the_mesh_beside_a_moved_document(
     assert gpis_grasp(*arguments).code == 0
 
 
+def test_render_finds_the_mesh_of_a_catalogue_of_ones_own(gpis_grasp, tmp_path: Path) -> None:
+    parts, document = tmp_path / "parts", tmp_path / "grasps.json"
+    parts.mkdir()
+    for name in ("sphere.stl", "sphere.yaml"):
+        there = default_catalogue_directory() / name
+        (parts / name.replace("sphere", "ball")).write_bytes(there.read_bytes())
+    answer = gpis_grasp("plan", "ball", "--meshes", parts, *QUICK, "--json", document)
+    assert answer.code == 0, answer.err
+    arguments = ("render", document, "--picture", tmp_path / "p.png")
+    answer = gpis_grasp(*arguments)
+    assert answer.code == 0, answer.err
+    parts.rename(tmp_path / "moved")
+    answer = gpis_grasp(*arguments)
+    assert answer.code == 1
+    assert "--meshes" in answer.err
+    assert gpis_grasp(*arguments, "--meshes", tmp_path / "moved").code == 0
+
+
+def test_a_part_that_no_hand_can_take_is_answered_without_a_search(
+    gpis_grasp, tmp_path: Path
+) -> None:
+    mesh = tmp_path / "sheet.stl"
+    trimesh.creation.box((0.12, 0.04, 0.002)).export(mesh)
+    answer = gpis_grasp("plan", mesh, "--unit", "m", "--support", "lowest", "--explain")
+    assert answer.code == 3
+    assert "without a search" in answer.out
+    assert "more time" not in answer.err.lower()
+
+
 @pytest.mark.parametrize(
     ("extra", "word"),
     [

@@ -103,8 +103,11 @@ def test_prune_takes_what_no_planner_of_now_can_use(gpis_grasp, path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("show",), "'store show needs a number'"),
-        (("export",), "'store export needs a file'"),
+        (("show",), "'store show' needs the number of a plan"),
+        (("export",), "'store export' needs a file"),
+        (("list", "--all"), "takes neither --all nor --unused-days"),
+        (("prune", "--unused-days", "-3"), "--unused-days is -3"),
+        (("prune", "--unused-days", "nan"), "--unused-days is nan"),
         (("list", "3"), "'store list' takes no '3'"),
     ],
 )
@@ -112,6 +115,7 @@ def test_wrong_usage_is_said(gpis_grasp, path, words, said):
     answer = gpis_grasp("store", *words)
     assert answer.code == 1
     assert said in answer.err
+    assert len(GraspStore(path).entries()) == 3
 
 
 def test_switched_off(gpis_grasp):

@@ -290,3 +290,30 @@ def test_a_plain_file_is_what_others_can_show(tmp_path):
     assert catalogue.plain_file("body") is None
     with pytest.raises(RequestError, match="unknown"):
         catalogue.plain_file("gear")
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "advice"),
+    [
+        (2.8, "m", "centimetres or inches: give the unit (--unit cm or inch"),
+        (2.8, "mm", "centimetres or inches"),
+        (90.0, "m", "probably in millimetres"),
+        (0.09, "mm", "probably in metres"),
+        (45.0, "in", "probably in millimetres"),
+    ],
+)
+def test_a_size_that_cannot_be_names_the_units_that_could(tmp_path, write, size, unit, advice):
+    vertices, faces = write.box_arrays(np.full(3, size))
+    (tmp_path / "part.stl").write_bytes(write.binary_stl(vertices, faces))
+    with pytest.raises(MeshError) as caught:
+        load_part(tmp_path / "part.stl", unit)
+    assert caught.value.code == ErrorCode.MESH_EXTENT_IMPLAUSIBLE
+    assert advice in caught.value.message
+
+
+def test_a_unit_by_its_other_name_is_no_contradiction(tmp_path, write):
+    vertices, faces = write.box_arrays(np.full(3, 2.0))
+    (tmp_path / "part.stl").write_bytes(write.binary_stl(vertices, faces))
+    (tmp_path / "part.yaml").write_text("unit: inch\n")
+    assert not any("as asked" in note for note in load_part(tmp_path / "part.stl", "in").notes)
+    assert any("as asked" in note for note in load_part(tmp_path / "part.stl", "cm").notes)

@@ -53,8 +53,8 @@ def test_what_held_comes_first_what_failed_last_whatever_epsilon_says():
     assert places(tried.ranked) == [300, 200, 100, 0]
     assert places(tried.held) == [300, 200]
     assert tried.n_tried == 3
-    assert tried.note == (
-        "Tried in physics: 3 grasps, of which 2 held; 1 were not tried within the time budget."
+    assert tried.notes == (
+        "Tried in physics: 3 grasps, of which 2 held; 1 were not tried within the time budget.",
     )
 
 
@@ -76,9 +76,14 @@ def test_of_neighbours_the_one_that_held_is_kept():
 def test_nothing_tried_is_said_with_the_losses():
     tried = TriedGrasps.of(GRASPS, physics({}, n_lost=2), 0.1, EpsilonVolume(0.5))
     assert places(tried.ranked) == [0, 100, 200, 300]
-    assert "No grasp could be tried" in tried.note
-    assert "2 trials were lost" in tried.note
-    assert TriedGrasps.of([], physics({}), 0.1, EpsilonVolume(0.5)).ranked == ()
+    assert "No grasp could be tried" in tried.notes[0]
+    assert "2 trials were lost" in tried.notes[1]
+
+
+def test_where_nothing_was_to_be_tried_more_time_is_not_asked_for():
+    none = TriedGrasps.of([], physics({}), 0.1, EpsilonVolume(0.5))
+    assert none.ranked == ()
+    assert none.notes == ()
 
 
 @pytest.mark.parametrize(("mass", "said"), [(5.9, False), (6.2, True)])

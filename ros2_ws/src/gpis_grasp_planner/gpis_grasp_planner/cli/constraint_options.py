@@ -22,7 +22,7 @@ def add_constraints(parser: argparse.ArgumentParser) -> None:
         "--approach",
         metavar="X,Y,Z,DEG",
         help="the hand comes along this direction of the scene's frame, at most DEG degrees "
-        "beside it: 0,0,-1,30 is from above. Where the first figure is negative: --approach=-1,...",
+        "beside it: 0,0,-1,30 is from above",
     )
     group.add_argument(
         "--forbid",

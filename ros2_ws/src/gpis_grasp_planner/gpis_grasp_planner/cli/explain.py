@@ -33,6 +33,9 @@ def show(funnel: Funnel) -> None:
     from gpis_grasp_planner.plan.funnel_advice import advice
 
     print()
+    if not funnel.table[0][1]:
+        tables.print_text("No hand was proposed: this was answered without a search.")
+        return
     tables.print_table(funnel_columns(funnel))
     if text := advice(funnel):
         print()

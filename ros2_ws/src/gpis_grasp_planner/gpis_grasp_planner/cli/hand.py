@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", metavar="HAND", help="the same; default: the default hand")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--urdf", action="store_true", help="print the path of the URDF only")
-    form.add_argument("--json", action="store_true", help="print the facts as JSON")
+    form.add_argument(
+        "--json", action="store_true", help="print the facts, names, faults or the picture as JSON"
+    )
     parser.add_argument(
         "--picture", type=Path, metavar="FILE.png", help="of 'show'; default: HAND.png"
     )
@@ -48,15 +50,19 @@ def run(arguments: argparse.Namespace) -> int:
     from gpis_grasp_planner.hand.description import available_hands, load_hand
     from gpis_grasp_planner.hand.settings import DEFAULT_HAND
 
+    _refuse_what_is_not_used(arguments)
     if arguments.what == "list":
+        if arguments.json:
+            print(json.dumps({"hands": list(available_hands()), "default": DEFAULT_HAND}))
+            return SUCCESS
         for name in available_hands():
             print(name + (" (default)" if name == DEFAULT_HAND else ""))
         return SUCCESS
     hand = load_hand(arguments.hand or arguments.name or DEFAULT_HAND)
     if arguments.what == "check":
-        return _check(hand)
+        return _check(hand, as_json=arguments.json)
     if arguments.what == "show":
-        return _draw(hand, arguments.picture)
+        return _draw(hand, arguments.picture, as_json=arguments.json)
     if arguments.urdf:
         print(hand.urdf_path)
         return SUCCESS
@@ -72,6 +78,25 @@ def run(arguments: argparse.Namespace) -> int:
     for link in facts["links"]:
         print(f"  {link['name']:<26} {link['friction_group']}")
     return SUCCESS
+
+
+def _refuse_what_is_not_used(arguments: argparse.Namespace) -> None:
+    """Refuse an option that the action would pass over in silence."""
+    from gpis_grasp_planner.errors import RequestError
+
+    what = arguments.what
+    named = arguments.hand if arguments.hand is not None else arguments.name
+    for given, option, actions in (
+        (arguments.picture is not None, "--picture", ("show",)),
+        (arguments.urdf, "--urdf", ("facts",)),
+        (named is not None, f"hand ('{named}')", ("facts", "check", "show")),
+    ):
+        if given and what not in actions:
+            raise RequestError(f"'hand {what}' takes no {option}: 'hand {actions[0]}' does.")
+    if arguments.hand is not None and arguments.name not in (None, arguments.hand):
+        raise RequestError(
+            f"Two hands are named, '{arguments.hand}' and --name {arguments.name}. Leave one out."
+        )
 
 
 def facts_of(hand: HandDescription) -> dict[str, Any]:
@@ -113,11 +138,14 @@ def facts_of(hand: HandDescription) -> dict[str, Any]:
     }
 
 
-def _check(hand: HandDescription) -> int:
+def _check(hand: HandDescription, *, as_json: bool) -> int:
     """Print the faults of a hand that could be read; what cannot be read was told before."""
     from gpis_grasp_planner.hand.checks import faults_of
 
     faults = faults_of(hand)
+    if as_json:
+        print(json.dumps({"name": hand.name, "faults": list(faults)}, indent=1))
+        return ERROR if faults else SUCCESS
     for fault in faults:
         output.note(f"gpis-grasp: {fault}")
     if faults:
@@ -132,7 +160,7 @@ def _check(hand: HandDescription) -> int:
     return SUCCESS
 
 
-def _draw(hand: HandDescription, path: Path | None) -> int:
+def _draw(hand: HandDescription, path: Path | None, *, as_json: bool) -> int:
     import numpy as np
 
     from gpis_grasp_planner.hand.checks import fingertip_gaps
@@ -155,5 +183,5 @@ def _draw(hand: HandDescription, path: Path | None) -> int:
         for q, s, gap in zip(joints, share, gaps, strict=True)
     ]
     render_sheet(views, path=path, view="auto", columns=len(views))
-    print(path)
+    print(json.dumps({"picture": str(path), "name": hand.name}) if as_json else path)
     return SUCCESS

@@ -276,7 +276,7 @@ def catalogue_of(
 def find_part(
     mesh: str, unit: str | None, catalogue: MeshCatalogue, body: str | None = None
 ) -> tuple[Part, MeshSource | None]:
-    """Load a part by catalogue ID or path, and say which file it was (None for an ID)."""
+    """Load a part by catalogue ID or path, and say which file it was (None for a shipped part)."""
     return reader_of(mesh, unit, catalogue, body)()
 
 
@@ -309,7 +309,17 @@ def reader_of(
                 f"{option} {value} is for mesh files; '{mesh}' is an ID of the catalogue, whose "
                 f"YAML file says it. Leave {option} out, or give the file's path (./...)."
             )
-    return lambda: (catalogue.load(mesh), None)
+    return lambda: (catalogue.load(mesh), _source_of(catalogue.file_of(mesh)))
+
+
+def _source_of(path: Path) -> MeshSource | None:
+    """Where a part of a catalogue is found again; None for a shipped part: it is always there."""
+    from gpis_grasp_planner.geometry.catalogue import default_catalogue_directory
+    from gpis_grasp_planner.plan.document import MeshSource
+
+    if path.is_relative_to(default_catalogue_directory()):
+        return None
+    return MeshSource(str(path), None)
 
 
 def _no_file(path: Path) -> str:
@@ -323,31 +333,43 @@ def _no_file(path: Path) -> str:
     return f"No such file: {path}. {hint} An ID has a suffix only where two files share a name."
 
 
+_WHERE = "Name the mesh of the document with --mesh, or its catalogue with --meshes."
+
+
 def part_of_document(document: GraspDocument, arguments: argparse.Namespace) -> Part:
     """Find the mesh of a document and check that it is the same one.
 
     Looked for under --mesh, else at the path in the document, else beside the document, else in
     the catalogue.
     """
+    from gpis_grasp_planner.errors import MeshError, RequestError
     from gpis_grasp_planner.geometry.catalogue import load_part
     from gpis_grasp_planner.plan.document import check_same_mesh
 
     catalogue = catalogue_of(arguments.meshes)
     source = document.mesh_source
+    mesh_id = document.result.mesh_id
+    paths = (
+        [Path(source.file), arguments.document.parent / Path(source.file).name] if source else []
+    )
+    path = next((path for path in paths if path.is_file()), None)
     if arguments.mesh is not None:
         part, _ = find_part(arguments.mesh, arguments.unit, catalogue, arguments.body)
-    elif source is None:
-        part = catalogue.load(document.result.mesh_id)
-    else:
-        path = Path(source.file)
-        if not path.is_file():
-            path = arguments.document.parent / path.name
+    elif path is not None and source is not None:
         part = load_part(
             path,
             arguments.unit or source.unit,
             catalogue.settings,
             body=arguments.body or source.body,
         )
+    elif source is None or mesh_id in catalogue.ids():
+        try:
+            part = catalogue.load(mesh_id)
+        except RequestError as error:
+            raise RequestError(f"{error} {_WHERE}", error.code) from error
+    else:
+        where = " nor ".join(str(path) for path in paths)
+        raise MeshError(f"The mesh of the document is neither {where}. {_WHERE}")
     check_same_mesh(document.result, part)
     return part
 

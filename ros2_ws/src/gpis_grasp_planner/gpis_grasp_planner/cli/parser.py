@@ -15,6 +15,8 @@ class CommandParser(argparse.ArgumentParser):
     def __init__(self, *args: Any, **options: Any):
         options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(*args, **options)
+        # What looks like one is a value. argparse's own knows neither -1,0,0 nor -5e-3.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
         """One line on stderr, exit code 2."""

@@ -74,10 +74,14 @@ def run(arguments: argparse.Namespace) -> int:
         )
     action, what = arguments.action, arguments.what
     if (what is not None) != (action in ("show", *_OF_FILE)):
-        needs = f"{action} needs {'a number' if action == 'show' else 'a file'}"
+        needed = "the number of a plan, see 'store list'" if action == "show" else "a file"
         raise RequestError(
-            f"'store {action}' takes no '{what}'." if what is not None else f"'store {needs}'."
+            f"'store {action}' takes no '{what}'."
+            if what is not None
+            else f"'store {action}' needs {needed}."
         )
+    if action != "prune" and (arguments.everything or arguments.unused_days is not None):
+        raise RequestError(f"'store {action}' takes neither --all nor --unused-days: 'prune' does.")
     if action == "show":
         return _show(store, what)
     if action == "export":
@@ -223,12 +227,16 @@ def _import(store: GraspStore, file: Path, *, as_json: bool) -> int:
 
 
 def _prune(store: GraspStore, arguments: argparse.Namespace) -> int:
+    from gpis_grasp_planner.errors import RequestError
+
     days = arguments.unused_days
+    if days is not None and not days >= 0.0:
+        raise RequestError(f"--unused-days is {days:g}; give a number of days that is 0 or more.")
     oldest = -1.0 if days is None else time.time() - 86400.0 * days
     gone = [e for e in store.entries() if arguments.everything or not e.usable or e.used_s < oldest]
     before = store.database.n_bytes()
     store.remove(gone)
-    freed = before - store.database.n_bytes()
+    freed = max(before - store.database.n_bytes(), 0)
     text = f"{len(gone)} plans removed, {freed / 1e6:.1f} MB freed"
     _say({"removed": len(gone), "freed_bytes": freed}, text, arguments.json)
     return SUCCESS

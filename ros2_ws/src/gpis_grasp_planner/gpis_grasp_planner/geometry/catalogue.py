@@ -38,7 +38,7 @@ from gpis_grasp_planner.geometry.mesh_file import (
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.sidecar import MAX_SIDECAR_BYTES, Sidecar, parse_sidecar
 from gpis_grasp_planner.geometry.symmetry import SymmetryGroup
-from gpis_grasp_planner.geometry.units import UNITS, unit_advice
+from gpis_grasp_planner.geometry.units import UNITS, same_unit, unit_advice
 
 __all__ = [
     "ID_PATTERN",
@@ -122,7 +122,6 @@ class MeshCatalogue:
                 ErrorCode.INVALID_MESH_ID,
             )
         directory, path = self._find(mesh_id)
-        _check_inside(path, directory, mesh_id)
         part = _load(path, mesh_id, None, self.settings, inside=directory)
         others = [d for d in self._directories if d != directory and with_id(d, mesh_id)]
         if others:
@@ -139,7 +138,6 @@ class MeshCatalogue:
             As :meth:`load` does for the ID and the YAML file.
         """
         directory, path = self._find(mesh_id)
-        _check_inside(path, directory, mesh_id)
         return _read_sidecar(path, mesh_id, directory)
 
     def plain_file(self, mesh_id: str) -> tuple[Path, float] | None:
@@ -153,19 +151,22 @@ class MeshCatalogue:
             As :meth:`sidecar`.
         """
         directory, path = self._find(mesh_id)
-        _check_inside(path, directory, mesh_id)
         sidecar = _read_sidecar(path, mesh_id, directory)
         if path.suffix.lower() not in {".stl", ".obj"} or sidecar.body is not None:
             return None
         unit = UNITS[sidecar.unit or self.settings.default_unit]
         return path, unit * (sidecar.scale or 1.0)
 
+    def file_of(self, mesh_id: str) -> Path:
+        """The file of an ID; raises as :meth:`sidecar` does."""
+        return self._find(mesh_id)[1]
+
     def _find(self, mesh_id: str) -> tuple[Path, Path]:
         for directory in self._directories:
             files = with_id(directory, mesh_id)
             exact = [f for f in files if f.name == mesh_id]
             if exact or len(files) == 1:
-                return directory, (exact or files)[0].path
+                return directory, _inside((exact or files)[0].path, directory, mesh_id)
             if files:
                 names = ", ".join(f.name for f in files)
                 raise RequestError(
@@ -243,7 +244,7 @@ def _load(
             f"No unit given: read in the default unit '{settings.default_unit}'; where it is "
             f"another, {unit_advice('mm' if settings.default_unit == 'm' else 'm')}."
         )
-    elif sidecar.unit not in (None, stated):
+    elif sidecar.unit is not None and not same_unit(sidecar.unit, stated):
         notes.append(f"Unit '{stated}' as asked, though its YAML file says '{sidecar.unit}'.")
     read_as = stated or settings.default_unit
     scale = sidecar.scale or 1.0
@@ -359,7 +360,7 @@ def _read_sidecar(path: Path, mesh_id: str, inside: Path | None) -> Sidecar:
     if not found:
         return Sidecar()
     if inside is not None:
-        _check_inside(found[0], inside, mesh_id)
+        _inside(found[0], inside, mesh_id)
     try:
         data = read_regular_file(found[0], MAX_SIDECAR_BYTES)
     except MeshError as error:
@@ -369,13 +370,14 @@ def _read_sidecar(path: Path, mesh_id: str, inside: Path | None) -> Sidecar:
     return parse_sidecar(data, found[0].name)
 
 
-def _check_inside(path: Path, directory: Path, mesh_id: str) -> None:
+def _inside(path: Path, directory: Path, mesh_id: str) -> Path:
     if not is_inside(path, directory):
         raise RequestError(
             f"Mesh ID '{mesh_id}' does not name a regular file inside the catalogue (a link out "
             "of it, a pipe or a device). Put the file itself there.",
             ErrorCode.INVALID_MESH_ID,
         )
+    return path
 
 
 def _advice(mesh_id: str, known: list[str]) -> str:

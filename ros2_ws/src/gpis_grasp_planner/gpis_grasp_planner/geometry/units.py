@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 0.0254, "in": 0.0254}
 _NAMES = {"m": "metres", "mm": "millimetres"}
+_RARE = {"cm": "centimetres", "inch": "inches"}
 
 
 def known_units() -> str:
@@ -35,6 +36,11 @@ def metres_per(unit: str, name: str) -> float:
             ErrorCode.MESH_SIDECAR_INVALID,
         )
     return UNITS[unit]
+
+
+def same_unit(first: str, second: str) -> bool:
+    """Whether two units are one, such as 'in' and 'inch'."""
+    return UNITS.get(first, first) == UNITS.get(second, second)
 
 
 def unit_advice(unit: str) -> str:
@@ -71,9 +77,19 @@ def check_extent(
 
 def _cure(largest: float, unit: str, low: float, high: float) -> str:
     if unit in UNITS:
+
+        def fits(other: str) -> bool:
+            size = largest * UNITS[other] / UNITS[unit]
+            return not same_unit(other, unit) and low <= size <= high
+
         for other, name in _NAMES.items():
-            if other != unit and low <= largest * UNITS[other] / UNITS[unit] <= high:
+            if fits(other):
                 return f"The file is probably in {name}: {unit_advice(other)}."
+        if rare := [other for other in _RARE if fits(other)]:
+            return (
+                f"The file is probably in {' or '.join(_RARE[u] for u in rare)}: "
+                f"{unit_advice(' or '.join(rare))}."
+            )
     elif low <= largest / 1000.0 <= high:
         return "Its numbers are probably millimetres: give 'scale: 0.001' in its YAML file."
     if largest < low and low <= largest * 1000.0 <= high:

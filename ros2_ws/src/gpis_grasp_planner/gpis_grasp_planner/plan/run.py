@@ -314,7 +314,7 @@ class PlanRun:
         funnel = finisher.funnel(None if tried is None else tried.ranked)
         code, message, best_attempt = self._verdict(grasps, tried, funnel)
         if tried is not None:
-            notes += (tried.note, *payload_note(part, self.settings.verification))
+            notes += (*tried.notes, *payload_note(part, self.settings.verification))
             if code in (ErrorCode.SUCCESS, ErrorCode.CANCELLED):
                 grasps = tried.held if request.verification == "require" else tried.ranked
             else:

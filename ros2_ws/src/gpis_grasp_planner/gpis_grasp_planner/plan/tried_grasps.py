@@ -79,17 +79,22 @@ class TriedGrasps:
         return sum(grasp.trials is not None for grasp in self.ranked)
 
     @property
-    def note(self) -> str:
-        """How many were tried, and how many of those held."""
-        lost = f" {self.n_lost} trials were lost with their process." if self.n_lost else ""
+    def notes(self) -> tuple[str, ...]:
+        """How many were tried, and how many of those held; none where nothing was to be tried."""
+        lost = f"{self.n_lost} trials were lost with their process."
+        said = (lost,) if self.n_lost else ()
+        if not self.ranked:
+            return said
         if not self.n_tried:
             return (
-                f"No grasp could be tried in physics within the time budget. Give more time.{lost}"
+                "No grasp could be tried in physics within the time budget. Give more time.",
+                *said,
             )
         untried = len(self.ranked) - self.n_tried
         left = f"; {untried} were not tried within the time budget" if untried else ""
         return (
-            f"Tried in physics: {self.n_tried} grasps, of which {len(self.held)} held{left}.{lost}"
+            f"Tried in physics: {self.n_tried} grasps, of which {len(self.held)} held{left}.",
+            *said,
         )
 
     @property
