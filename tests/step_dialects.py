@@ -93,6 +93,34 @@ def part(*solids: Solid, name: str = "part", inches: bool = False) -> bytes:
     return step.text()
 
 
+def mapped_copy(
+    solid: Solid, scale: float | None, axes: np.ndarray, in_parts: bool = False
+) -> bytes:
+    """A solid, and a copy of it by an operator with axes (3, 3) as rows, 100 mm along x."""
+    step = StepText()
+    origin = step.axes()
+    items = f"({origin},{step.brep(solid)})"
+    source = step.add(f"FACETED_BREP_SHAPE_REPRESENTATION('',{items},{step.context})")
+    mapping = step.add(f"REPRESENTATION_MAP({origin},{source})")
+    first, second, third = (step.triple("DIRECTION", axis) for axis in axes)
+    point = step.triple("CARTESIAN_POINT", (100, 0, 0))
+    size = "$" if scale is None else repr(scale)
+    if in_parts:
+        target = step.add(
+            f"(CARTESIAN_TRANSFORMATION_OPERATOR({first},{second},{point},{size})"
+            f"CARTESIAN_TRANSFORMATION_OPERATOR_3D({third})"
+            "FUNCTIONALLY_DEFINED_TRANSFORMATION('','')GEOMETRIC_REPRESENTATION_ITEM()"
+            "REPRESENTATION_ITEM(''))"
+        )
+    else:
+        target = step.add(
+            f"CARTESIAN_TRANSFORMATION_OPERATOR_3D('','',$,{first},{second},{point},{size},{third})"
+        )
+    copies = [step.add(f"MAPPED_ITEM('',{mapping},{where})") for where in (origin, target)]
+    step.product("whole", [step.axes(), *copies], "SHAPE_REPRESENTATION")
+    return step.text()
+
+
 def assembly(placed: list[tuple[str, Solid, tuple[float, float, float]]]) -> bytes:
     """Named parts at positions; parts of one name are one product, placed several times."""
     step = StepText()

@@ -36,6 +36,13 @@ def test_without_any_help_all_agree_and_point_outward(rng):
     assert "No viewpoint is known" in found.note
 
 
+def test_points_that_lie_in_planes_to_the_last_digit_agree_as_well(rng):
+    """As many would take minutes, were they triangulated as they are."""
+    points, normals = box_points(rng, n=20_000)
+    found = outward_normals(points, 32, None, [])
+    assert right(found, normals) > 0.99
+
+
 def test_one_viewpoint_decides_what_it_saw(rng):
     points, normals = sphere_points(rng, 3000, NOISE, cap=0.1)
     found = outward_normals(points, 32, None, views_of(points, [CENTER + UP]))

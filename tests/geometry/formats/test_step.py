@@ -183,3 +183,36 @@ def test_a_flipped_character_is_refused_or_leaves_a_whole_shape(rng):
         except MeshError:
             continue
         assert len(parsed.faces) == 12 or parsed.doubt is not None
+
+
+@pytest.mark.parametrize("in_parts", [False, True])
+@pytest.mark.parametrize(
+    ("scale", "axes", "word"),
+    [
+        (2.0, np.eye(3), "scaled by 2"),
+        (0.001, np.eye(3), "scaled by 0.001"),
+        (None, np.diag([-1.0, 1.0, 1.0]), "mirrored"),
+        (1.0, np.diag([1.0, 1.0, -1.0]), "mirrored"),
+    ],
+)
+def test_copies_that_the_reader_would_place_wrongly_are_refused(
+    scale, axes, word, in_parts, mesh_path
+):
+    error = refused(mesh_path(step_dialects.mapped_copy(SMALL, scale, axes, in_parts), "a.step"))
+    assert error.code == ErrorCode.MESH_FORMAT_NOT_SUPPORTED
+    assert word in error.message
+
+
+@pytest.mark.parametrize("scale", [None, 1.0])
+def test_copies_that_are_moved_and_turned_are_where_they_belong(scale, mesh_path):
+    turned = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    solid = d.box((20, 30, 40))
+    mesh, report = load_mesh(
+        mesh_path(step_dialects.mapped_copy(solid, scale, turned), "a.step"), "m"
+    )
+    assert report.volume == pytest.approx(2 * 20 * 30 * 40 * 1e-9, rel=1e-6)
+    own = solid.vertices / 1000.0
+    copy = own @ turned + [0.1, 0.0, 0.0]
+    both = np.concatenate([own, copy])
+    np.testing.assert_allclose(mesh.vertices.min(axis=0), both.min(axis=0), atol=1e-7)
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), both.max(axis=0), atol=1e-7)

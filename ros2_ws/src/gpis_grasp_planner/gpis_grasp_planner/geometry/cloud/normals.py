@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from gpis_grasp_planner.geometry.cloud.cleaning import to_open3d
 from gpis_grasp_planner.geometry.cloud.library import open3d
-from gpis_grasp_planner.geometry.cloud.views import View
+from gpis_grasp_planner.geometry.cloud.views import View, spacing_of
 
 Array = NDArray[np.float64]
 
 _TANGENT_NEIGHBOURS = 12
+_SHIFT = 1e-3  # of the points' spacing
 _NEIGHBOUR_VOTES = 16
 _CLEAR = 0.25  # cosine between ray and normal above which a viewpoint decides the side
 _ROUNDS = 60
@@ -67,8 +68,7 @@ def outward_normals(
         normals *= np.where(np.einsum("ij,ij->i", normals, unit) < 0.0, -1.0, 1.0)[:, None]
         how = "Normals are on the side of the file's own"
     else:
-        cloud.orient_normals_consistent_tangent_plane(_TANGENT_NEIGHBOURS)
-        normals = np.asarray(cloud.normals).copy()
+        normals = _agreeing(points, normals)
         how = "No viewpoint is known: normals were made to agree with their neighbours"
     if points_inward(points, normals):
         return Oriented(-normals, f"{how}, then all turned: most pointed inward.")
@@ -82,6 +82,19 @@ def points_inward(points: Array, normals: Array) -> bool:
     closed body, and positive for any convex piece of one.
     """
     return float(np.einsum("ij,ij->", normals, points - points.mean(axis=0))) < 0.0
+
+
+def _agreeing(points: Array, normals: Array) -> Array:
+    """Normals on one side of the surface, from neighbour to neighbour.
+
+    By Open3D on points that are moved a little: its triangulation takes minutes for points that lie
+    in planes to the last digit, as those that are sampled from CAD do.
+    """
+    shift = np.random.default_rng(0).standard_normal(points.shape)
+    moved = to_open3d(points + _SHIFT * spacing_of(points) * shift)
+    moved.normals = open3d().utility.Vector3dVector(normals)
+    moved.orient_normals_consistent_tangent_plane(_TANGENT_NEIGHBOURS)
+    return np.asarray(moved.normals).copy()
 
 
 def _towards(points: Array, normals: Array, views: Sequence[View]) -> Array:
