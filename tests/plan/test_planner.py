@@ -143,7 +143,10 @@ def test_the_funnel_of_trials_ends_with_what_held(planner, sphere):
     held = [g for g in result.grasps if g.trials is not None and g.trials.held]
     assert funnel.left(Step.HELD) >= len(held) > 0
     tried, holds = funnel.left(Step.TRIED), funnel.left(Step.HELD)
-    assert f"Tried in physics: {tried} grasps, of which {holds} held" in " ".join(result.notes)
+    assert (
+        f"Tried in physics: {tried} grasp{'s' * (tried != 1)}, of which {holds} held"
+        in " ".join(result.notes)
+    )
 
 
 def test_convergence_rises_to_the_best_of_the_search(result):

@@ -54,7 +54,7 @@ def test_what_held_comes_first_what_failed_last_whatever_epsilon_says():
     assert places(tried.held) == [300, 200]
     assert tried.n_tried == 3
     assert tried.notes == (
-        "Tried in physics: 3 grasps, of which 2 held; 1 were not tried within the time budget.",
+        "Tried in physics: 3 grasps, of which 2 held; there was no time to try 1 more.",
     )
 
 

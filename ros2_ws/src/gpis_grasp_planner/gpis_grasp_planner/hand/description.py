@@ -185,8 +185,13 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     try:
         with path.open(encoding="utf-8") as file:
             data = yaml.load(file, Loader=loader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise RequestError(f"Cannot read the hand '{path}': {error}.") from error
+    except OSError as error:
+        raise RequestError(
+            f"Cannot read the hand '{path}': {error.strerror}. Give the path of its YAML file, or "
+            f"one of {', '.join(available_hands())}."
+        ) from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise RequestError(f"The hand '{path}' is no YAML file: {error}. Correct it.") from error
     if not isinstance(data, dict):
         raise RequestError(f"'{path}' holds no names and values; see docs/hands.md.")
     return data

@@ -88,8 +88,9 @@ def read_urdf(path: Path, turn: Array | None = None, hulls: bool = False) -> Urd
     try:
         robot = ET.parse(path).getroot()
     except (OSError, ET.ParseError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
         raise RequestError(
-            f"Cannot read the hand's URDF '{path}': {error}. Correct or reinstall it.",
+            f"Cannot read the hand's URDF '{path}': {why}. Correct or reinstall it.",
             ErrorCode.INVALID_SETTING,
         ) from error
     if turn is not None:

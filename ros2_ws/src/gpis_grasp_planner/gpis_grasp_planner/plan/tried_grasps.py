@@ -91,9 +91,10 @@ class TriedGrasps:
                 *said,
             )
         untried = len(self.ranked) - self.n_tried
-        left = f"; {untried} were not tried within the time budget" if untried else ""
+        left = f"; there was no time to try {untried} more" if untried else ""
+        s = "" if self.n_tried == 1 else "s"
         return (
-            f"Tried in physics: {self.n_tried} grasps, of which {len(self.held)} held{left}.",
+            f"Tried in physics: {self.n_tried} grasp{s}, of which {len(self.held)} held{left}.",
             *said,
         )
 
