@@ -207,6 +207,11 @@ THREEMF = {
     "unknown extension": Refused(d.threemf(d.model_xml(
         _PART, '<item objectid="1"/>', more=' xmlns:b="http://b" requiredextensions="b"')),
         ("extension 'b'",), ErrorCode.MESH_FORMAT_NOT_SUPPORTED),
+    "beams beside the triangles": Refused(d.threemf(d.model_xml(
+        _PART.replace("</mesh>", "<b:beamlattice/></mesh>"), '<item objectid="1"/>',
+        more=' xmlns:b="http://b"')), ("lattice of beams",), ErrorCode.MESH_FORMAT_NOT_SUPPORTED),
+    "two objects of one ID": Refused(d.threemf(d.model_xml(
+        _PART + _A_PART, '<item objectid="1"/>')), ("two of its objects",)),
     "bad index": Refused(d.threemf(d.model_xml(
         _PART.replace('v3="7"', 'v3="8"'), '<item objectid="1"/>')), ("8 vertices",),
         ErrorCode.MESH_BAD_INDEX),

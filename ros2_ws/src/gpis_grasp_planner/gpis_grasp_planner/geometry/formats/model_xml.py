@@ -25,6 +25,15 @@ _HARMLESS = {
 }
 
 
+# Elements of extensions that change the shape, also where a file does not require them.
+_OTHER_SHAPES = {
+    "beamlattice": "a lattice of beams",
+    "booleanshape": "a boolean operation on shapes",
+    "displacementmesh": "a displaced mesh",
+    "levelset": "an implicit shape",
+}
+
+
 class ModelError(Exception):
     """What is wrong with a model, as a part of a sentence."""
 
@@ -114,6 +123,12 @@ class _Reader:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         space, _, local = tag.rpartition("}")
         if space not in (_CORE, ""):
+            if local in _OTHER_SHAPES:
+                raise ModelError(
+                    f"it has {_OTHER_SHAPES[local]}, which is not read; export the finished shape, "
+                    "such as STL",
+                    ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
+                )
             return
         if local == "vertex":
             a = attributes
@@ -128,6 +143,8 @@ class _Reader:
                 )
         elif local == "object":
             self._object = ModelObject(attributes.get("name", ""), attributes.get("type", "model"))
+            if attributes["id"] in self.model.objects:
+                raise ModelError(f"two of its objects have the ID {attributes['id'][:20]!r}")
             self.model.objects[attributes["id"]] = self._object
         elif local == "component" and self._object is not None:
             self._object.components.append(_reference(attributes))
