@@ -59,6 +59,17 @@ def hand_of(folder, body, **values):
     return load_hand(str(folder / "own.yaml"))
 
 
+def fingers(parent, z):
+    """URDF text of two fingers of two links at a height on their parent [m]."""
+    text = ""
+    for side, x in (("left", -0.03), ("right", 0.03)):
+        text += box_link(side, (0.012, 0.02, 0.04), (0.0, 0.0, 0.02))
+        text += joint_about(side, parent, f'xyz="{x} 0 {z}"', ENDS, axis="0 1 0")
+        text += box_link(f"{side}_far", (0.012, 0.02, 0.03), (0.0, 0.0, 0.015))
+        text += joint_about(f"{side}_far", side, 'xyz="0 0 0.04"', ENDS, axis="0 1 0")
+    return text
+
+
 def split_hand(folder):
     """Its fingers stand on bare mounts, have a turned bracket between the links, and a tip."""
     text = PALM + '<link name="tcp"/>' + fixed("tcp", "palm", 'xyz="0 0 0.1"')
@@ -154,11 +165,7 @@ def test_it_is_the_hand_that_has_the_shapes_in_its_links(tmp_path):
 def test_a_palm_without_shapes_takes_the_first_that_is_fixed_to_it(tmp_path):
     text = '<link name="palm"/>' + box_link("body", (0.08, 0.04, 0.02), (0.0, 0.0, 0.0))
     text += fixed("body", "palm", 'xyz="0 0 -0.01"')
-    for side, x in (("left", -0.03), ("right", 0.03)):
-        text += box_link(side, (0.012, 0.02, 0.04), (0.0, 0.0, 0.02))
-        text += joint_about(side, "body", f'xyz="{x} 0 0.01"', ENDS, axis="0 1 0")
-        text += box_link(f"{side}_far", (0.012, 0.02, 0.03), (0.0, 0.0, 0.015))
-        text += joint_about(f"{side}_far", side, 'xyz="0 0 0.04"', ENDS, axis="0 1 0")
+    text += fingers("body", 0.01)
     hand = hand_of(tmp_path, text)
     [solid] = hand.link_collision[0]
     np.testing.assert_allclose(solid.vertices[:, 2].max(), 0.0, atol=1e-15)
@@ -170,11 +177,7 @@ def test_what_is_drawn_goes_with_it(tmp_path):
     look = '<visual><geometry><sphere radius="0.004"/></geometry></visual></link>'
     tip = box_link("left_tip", (0.01, 0.01, 0.01), (0.0, 0.0, 0.005)).replace("</link>", look)
     text = PALM + tip + fixed("left_tip", "left_far", 'xyz="0 0 0.03"')
-    for side, x in (("left", -0.03), ("right", 0.03)):
-        text += box_link(side, (0.012, 0.02, 0.04), (0.0, 0.0, 0.02))
-        text += joint_about(side, "palm", f'xyz="{x} 0 0"', ENDS, axis="0 1 0")
-        text += box_link(f"{side}_far", (0.012, 0.02, 0.03), (0.0, 0.0, 0.015))
-        text += joint_about(f"{side}_far", side, 'xyz="0 0 0.04"', ENDS, axis="0 1 0")
+    text += fingers("palm", 0.0)
     hand = hand_of(tmp_path, text)
     solid, ball = visual_shapes(hand.urdf_path, hand)[hand.link_names.index("left_far")]
     np.testing.assert_allclose(np.ptp(solid.vertices, axis=0), [0.012, 0.02, 0.03])
