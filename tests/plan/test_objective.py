@@ -64,7 +64,7 @@ def test_the_objectives_own_figure_is_reported_once() -> None:
 @pytest.mark.parametrize(
     ("values", "word"),
     [
-        ({"name": "nonsense"}, "no measure 'nonsense'; known are min_weight"),
+        ({"name": "nonsense"}, "no objective 'nonsense'; known are paper, min_weight"),
         ({"name": "task", "task": "hold 0 0 1"}, "none of lift"),
     ],
 )
@@ -104,7 +104,7 @@ def test_a_requests_objective_gives_the_plan_of_the_setting(plans) -> None:
 def test_a_requests_unknown_objective_is_an_error_before_anything_is_prepared() -> None:
     part = MeshCatalogue([default_catalogue_directory()]).load("bracket")
     planner = GraspPlanner()
-    with pytest.raises(RequestError, match="no measure 'nonsense'; known are min_weight"):
+    with pytest.raises(RequestError, match="no objective 'nonsense'; known are paper, min_weight"):
         planner.answer(part, PlanRequest(objective="nonsense"))
 
 

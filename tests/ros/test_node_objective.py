@@ -43,4 +43,4 @@ def test_an_unknown_objective_is_refused_with_the_known_ones(
 ) -> None:
     answer = client.call(tools.request("mug", objective="nonsense"))
     assert answer.code == ErrorCode.INVALID_SETTING
-    assert "no measure 'nonsense'; known are min_weight" in answer.message
+    assert "no objective 'nonsense'; known are paper, min_weight" in answer.message

@@ -85,7 +85,7 @@ def _settings_of(result: PlanResult) -> ObjectiveSettings:
 def _objective(settings: ObjectiveSettings, hpp: HppSettings) -> Objective:
     if settings.name == PAPER:
         return EpsilonVolume(hpp.volume_weight)
-    return OneMeasure(make_measure(settings.name, settings))
+    return OneMeasure(make_measure(settings.name, settings, "objective", (PAPER,)))
 
 
 def _of_surface(part: Part | None) -> tuple[Measure, ...]:
@@ -105,6 +105,6 @@ def _known_contacts(
 
 
 def _reported(settings: ObjectiveSettings) -> tuple[Measure, ...]:
-    names = [] if settings.name == PAPER else [settings.name]
-    names += [name for name in settings.report if name not in names]
-    return tuple(make_measure(name, settings) for name in names)
+    named = _objective(settings, HppSettings()).measures
+    reported = [name for name in settings.report if name != settings.name]
+    return (*named, *(make_measure(name, settings) for name in reported))

@@ -29,8 +29,19 @@ MEASURES: dict[str, Callable[[ObjectiveSettings], Measure]] = {
 }
 
 
-def make_measure(name: str, settings: ObjectiveSettings) -> Measure:
+def make_measure(
+    name: str, settings: ObjectiveSettings, kind: str = "measure", others: tuple[str, ...] = ()
+) -> Measure:
     """The measure of a name.
+
+    Parameters
+    ----------
+    name : str
+    settings : ObjectiveSettings
+    kind : str
+        What it is looked for as, for messages.
+    others : tuple of str
+        What else may be named there.
 
     Raises
     ------
@@ -39,8 +50,8 @@ def make_measure(name: str, settings: ObjectiveSettings) -> Measure:
     """
     if name in MEASURES:
         return MEASURES[name](settings)
-    point = find("measure", GROUP, name, MEASURES)
-    measure = load("measure", point)
+    point = find(kind, GROUP, name, (*others, *MEASURES))
+    measure = load(kind, point)
     wanted = "with a name of its own" if names_a_module(name) else f"named '{name}'"
     if not isinstance(measure, Measure) or not _may_be_named(measure.figure.name, name):
         raise RequestError(
