@@ -61,7 +61,7 @@ def test_what_held_comes_first_what_failed_last_whatever_epsilon_says():
 def test_where_nothing_held_the_causes_are_counted():
     tried = TriedGrasps.of(GRASPS, physics({0: [False], 200: [False]}), 0.1, EpsilonVolume(0.5))
     assert tried.held == ()
-    assert tried.why_none == "slipped 2"
+    assert tried.why_none == "slipped 2, not tried 2"
     assert TriedGrasps.of(GRASPS, physics({}), 0.1, EpsilonVolume(0.5)).why_none.startswith(
         "none could be tried"
     )

@@ -100,8 +100,11 @@ class TriedGrasps:
 
     @property
     def why_none(self) -> str:
-        """Causes and their numbers, for the case that nothing held."""
+        """Causes and their numbers, for the case that nothing held; how many were not tried."""
         if not self.n_tried:
             return "none could be tried within the time budget"
         causes = Counter(g.trials.outcomes[0].cause for g in self.ranked if g.trials is not None)
-        return ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
+        counted = [f"{cause} {n}" for cause, n in causes.most_common()]
+        if untried := len(self.ranked) - self.n_tried:
+            counted.append(f"not tried {untried}")
+        return ", ".join(counted)
