@@ -37,7 +37,7 @@ def test_without_any_help_all_agree_and_point_outward(rng):
 
 
 def test_points_that_lie_in_planes_to_the_last_digit_agree_as_well(rng):
-    """As many would take minutes, were they triangulated as they are."""
+    """They agree though they are not triangulated as they are, which takes long for so many."""
     points, normals = box_points(rng, n=20_000)
     found = outward_normals(points, 32, None, [])
     assert right(found, normals) > 0.99

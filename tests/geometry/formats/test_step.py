@@ -216,3 +216,29 @@ def test_copies_that_are_moved_and_turned_are_where_they_belong(scale, mesh_path
     both = np.concatenate([own, copy])
     np.testing.assert_allclose(mesh.vertices.min(axis=0), both.min(axis=0), atol=1e-7)
     np.testing.assert_allclose(mesh.vertices.max(axis=0), both.max(axis=0), atol=1e-7)
+
+
+def test_an_operator_that_places_nothing_is_no_matter(mesh_path):
+    unused = b"#9001=CARTESIAN_TRANSFORMATION_OPERATOR_3D('','',$,$,$,#9002,2.0,$);\n"
+    unused += b"#9002=CARTESIAN_POINT('',(0.,0.,0.));\nENDSEC;\nEND-"
+    data = step_dialects.part(SMALL).replace(b"ENDSEC;\nEND-", unused)
+    _, report = load_mesh(mesh_path(data, "a.step"), "m")
+    assert report.volume == pytest.approx(0.02**3, rel=1e-6)
+
+
+@pytest.mark.parametrize(("whole", "damaged"), [(b",2.0,", b",two,"), (b",2.0,", b",")])
+def test_a_copy_whose_way_is_damaged_is_told(whole, damaged, mesh_path):
+    data = step_dialects.mapped_copy(SMALL, 2.0, np.eye(3))
+    assert data.count(whole) == 1
+    error = refused(mesh_path(data.replace(whole, damaged), "a.step"))
+    assert error.code == ErrorCode.MESH_UNREADABLE
+    assert "the way of a copy" in error.message
+
+
+def test_an_axis_that_is_not_given_is_that_of_the_frame(mesh_path):
+    """Down with the third and nothing said of the others: the copy is a mirror image."""
+    data = step_dialects.mapped_copy(SMALL, 1.0, np.diag([1.0, 1.0, -1.0]))
+    operator = data.index(b"OPERATOR_3D('','',$,") + len(b"OPERATOR_3D('','',$,")
+    axes = data[operator : data.index(b",", data.index(b",", operator) + 1)]
+    error = refused(mesh_path(data.replace(axes, b"$,$"), "a.step"))
+    assert "mirrored" in error.message

@@ -14,7 +14,7 @@ from scipy.spatial import QhullError
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
 from gpis_grasp_planner.geometry.catalogue_settings import CatalogueSettings
-from gpis_grasp_planner.geometry.inner_faces import back_sides, inner_walls
+from gpis_grasp_planner.geometry.inner_faces import inner_walls, repeats
 from gpis_grasp_planner.geometry.mass_properties import (
     fans_across_holes,
     hull,
@@ -105,8 +105,7 @@ def judge(
     drop = drop_degenerate or settings.degenerate_faces == "drop"
     faces = _without_degenerate(vertices, faces, name, drop, notes)
     faces = _welded(vertices, faces, notes)
-    faces = _without_duplicates(faces, notes)
-    faces = _without_back_sides(faces, notes)
+    faces = _without_repeats(faces, notes)
     vertices, faces = _used_only(vertices, faces)
     edges = find_edges(faces)
     oriented = _without_inner_walls(vertices, orient(vertices, faces, edges), notes)
@@ -188,24 +187,14 @@ def _welded(vertices: Array, faces: Faces, notes: list[str]) -> Faces:
     return faces
 
 
-def _without_duplicates(faces: Faces, notes: list[str]) -> Faces:
-    start = faces.argmin(axis=1)
-    turned = np.take_along_axis(faces, (start[:, None] + np.arange(3)) % 3, axis=1)
-    order = np.lexsort(turned.T)
-    new = np.ones(len(faces), dtype=bool)
-    new[1:] = (turned[order[1:]] != turned[order[:-1]]).any(axis=1)
-    if new.all():
-        return faces
-    notes.append(f"{int((~new).sum())} duplicate faces were dropped.")
-    return faces[np.sort(order[new])]
-
-
-def _without_back_sides(faces: Faces, notes: list[str]) -> Faces:
-    repeated = back_sides(faces)
-    if not repeated.any():
-        return faces
-    notes.append(f"{int(repeated.sum())} faces that repeat others from behind were dropped.")
-    return faces[~repeated]
+def _without_repeats(faces: Faces, notes: list[str]) -> Faces:
+    duplicates, behind = repeats(faces)
+    if duplicates.any():
+        notes.append(f"{int(duplicates.sum())} duplicate faces were dropped.")
+    if behind.any():
+        notes.append(f"{int(behind.sum())} faces that repeat others from behind were dropped.")
+    dropped = duplicates | behind
+    return faces[~dropped] if dropped.any() else faces
 
 
 def _without_inner_walls(vertices: Array, oriented: Oriented, notes: list[str]) -> Oriented:

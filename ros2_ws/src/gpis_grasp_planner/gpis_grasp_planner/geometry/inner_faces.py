@@ -20,20 +20,24 @@ Faces = NDArray[np.int32]
 Mask = NDArray[np.bool_]
 
 
-def back_sides(faces: Faces) -> Mask:
-    """Which faces (m,) have the corners of one before; none where the rest is not closed.
+def repeats(faces: Faces) -> tuple[Mask, Mask]:
+    """Which faces (m,) repeat one with their winding, and which of the others one from behind.
 
-    Of such a pair, one is right where the surface is closed and manifold with it. A sheet from
-    both sides is open with one of them, and stays.
+    Of such a pair from both sides, one is right where the surface is closed and manifold with it. A
+    sheet from both sides is open with one of them, and has no back side.
     """
     corners = np.sort(faces, axis=1)
-    order = np.lexsort(corners.T)
-    repeated = np.zeros(len(faces), dtype=bool)
+    after_least = (faces.argmin(axis=1)[:, None] + 1) % 3
+    turned = np.take_along_axis(faces, after_least, axis=1)[:, 0] != corners[:, 1]
+    order = np.lexsort((turned, *corners.T))
     same = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
-    repeated[order[1:][same]] = True
-    if repeated.any() and _is_closed(faces[~repeated]):
-        return repeated
-    return np.zeros(len(faces), dtype=bool)
+    alike = turned[order[1:]] == turned[order[:-1]]
+    duplicates, behind = (np.zeros(len(faces), dtype=bool) for _ in range(2))
+    duplicates[order[1:][same & alike]] = True
+    behind[order[1:][same & ~alike]] = True
+    if behind.any() and not _is_closed(faces[~(duplicates | behind)]):
+        behind[:] = False
+    return duplicates, behind
 
 
 def inner_walls(vertices: Array, oriented: Oriented) -> Mask:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped
@@ -244,9 +245,9 @@ class PoseSource:
 
     def _on_frame(self, frame: str) -> None:
         """Tell that a part was seen on tf."""
-        for name, mesh_id in mapping_of(self._settings().object_frames, "object_frames").items():
-            if name.lstrip("/") == frame:
-                self.on_estimate(mesh_id)
+        mesh_id = _part_of_frame(self._settings().object_frames).get(frame)
+        if mesh_id is not None:
+            self.on_estimate(mesh_id)
 
     def _on_part_poses(self, message: PartPoses) -> None:
         for part in message.parts:
@@ -310,6 +311,13 @@ class PoseSource:
         if now - self._last_warning_s >= WARNING_PERIOD_S:
             self._last_warning_s = now
             self._node.get_logger().warning(printable(text, 400))
+
+
+@lru_cache(maxsize=1)
+def _part_of_frame(object_frames: tuple[str, ...]) -> dict[str, str]:
+    """Asked for every frame on tf."""
+    frames = mapping_of(object_frames, "object_frames")
+    return {name.lstrip("/"): mesh_id for name, mesh_id in frames.items()}
 
 
 def _header(own: Header, of_array: Header) -> Header:

@@ -33,7 +33,7 @@ from gpis_grasp_planner.surroundings.obstacles import (
     Surroundings,
 )
 from gpis_grasp_planner.surroundings.plane_heights import lowest_heights
-from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh, sweeps_to_polytope
+from gpis_grasp_planner.surroundings.sweep_distance import distances_from_tree, sweeps_to_polytope
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -229,17 +229,13 @@ def phase_distance(
     T_body_object = inverse(body.pose)
     first, last = (np.ascontiguousarray(T_body_object @ T[row, member]) for T in (T_0, T_1))
     which = phase.piece[member]
-    distance = np.empty(len(row))
     if isinstance(body, BoxObstacle):
+        distance = np.empty(len(row))
         sweeps_to_polytope(
             pieces.vertices, pieces.start, which, first, last, limit[row], body.corners, distance
         )
     else:
-        tree = body.tree
-        sweeps_to_mesh(
-            pieces.vertices, pieces.start, which, first, last, limit[row],
-            tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, distance,
-        )  # fmt: skip
+        distance = distances_from_tree(body.tree, pieces, which, first, last, limit[row])
     bound[row, member] = distance
     nearest = bound.min(axis=1)
     if isinstance(body, MeshObstacle):

@@ -32,7 +32,7 @@ from gpis_grasp_planner.hand.drive import (
 )
 from gpis_grasp_planner.hand.finger import Finger
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh
+from gpis_grasp_planner.surroundings.sweep_distance import distances_from_tree
 
 Array = NDArray[np.float64]
 
@@ -199,14 +199,10 @@ def _fingers_are_free(
         members = _pieces_of(pieces, finger)
         which = np.tile(members, len(rows))
         first, last = (
-            np.ascontiguousarray(ends[np.ix_(rows, pieces.link[members])].reshape(-1, 4, 4))
-            for ends in (T_back, T)
+            ends[np.ix_(rows, pieces.link[members])].reshape(-1, 4, 4) for ends in (T_back, T)
         )
-        distance = np.empty(len(which))
-        sweeps_to_mesh(
-            pieces.vertices, pieces.start, which, first, last, np.full(len(which), clearance),
-            tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, distance,
-        )  # fmt: skip
+        limit = np.full(len(which), clearance)
+        distance = distances_from_tree(tree, pieces, which, first, last, limit)
         free[rows, index] = distance.reshape(len(rows), len(members)).min(axis=1) >= clearance
     return free
 

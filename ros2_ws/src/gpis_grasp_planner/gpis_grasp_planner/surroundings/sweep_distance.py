@@ -8,10 +8,46 @@ sweep costs twice a pose, and there are no steps between which something thin co
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpis_grasp_planner.compiled import njit
 from gpis_grasp_planner.geometry.convex_distance import polytope_mesh
 from gpis_grasp_planner.geometry.gjk import polytope_distance
+from gpis_grasp_planner.geometry.triangle_tree import TriangleTree
+from gpis_grasp_planner.grasp.hand_motion import HandPieces
+
+Array = NDArray[np.float64]
+
+
+def distances_from_tree(
+    tree: TriangleTree,
+    pieces: HandPieces,
+    which: NDArray[np.int64],
+    T_0: Array,
+    T_1: Array,
+    limit: Array,
+) -> Array:
+    """Distances (M,) of sweeps of a hand's pieces from a mesh's surface; 0 where they meet.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        Of the mesh.
+    pieces : HandPieces
+    which : (M,) int array
+        The piece of each sweep.
+    T_0, T_1 : (M, 4, 4) arrays
+        Poses of its link in the mesh's frame, at both ends.
+    limit : (M,) array [m]
+        Of what is farther away, at least this is said.
+    """
+    first, last = np.ascontiguousarray(T_0), np.ascontiguousarray(T_1)
+    distance = np.empty(len(which))
+    sweeps_to_mesh(
+        pieces.vertices, pieces.start, which, first, last, limit,
+        tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, distance,
+    )  # fmt: skip
+    return distance
 
 
 @njit

@@ -17,7 +17,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.hand_motion import HandPieces, shifted
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
-from gpis_grasp_planner.surroundings.sweep_distance import sweeps_to_mesh
+from gpis_grasp_planner.surroundings.sweep_distance import distances_from_tree
 
 _LIMIT_M = 1e-4  # farther away than this is free, however far
 
@@ -37,7 +37,8 @@ def meets_part_on_approach(
 
     Notes
     -----
-    Some 0.3 ms a grasp.
+    About 0.5 ms for one grasp, 0.15 ms each for twenty, on meshes of 4,000 to 1.4 million
+    triangles.
     """
     if not grasps:
         return np.zeros(0, dtype=np.bool_)
@@ -45,15 +46,8 @@ def meets_part_on_approach(
     T_palm_link = link_transforms(hand, np.stack([g.pregrasp_joints for g in grasps]))
     T = np.stack([g.T_object_palm for g in grasps])[:, None] @ T_palm_link
     back = np.stack([-g.approach_distance * g.approach_direction for g in grasps])
-    n = len(grasps) * len(pieces.link)
-    first, last = (
-        np.ascontiguousarray(ends[:, pieces.link].reshape(n, 4, 4))
-        for ends in (shifted(T, back), T)
-    )
-    distance = np.empty(n)
-    sweeps_to_mesh(
-        pieces.vertices, pieces.start, np.tile(np.arange(len(pieces.link)), len(grasps)),
-        first, last, np.full(n, _LIMIT_M),
-        tree.triangles, tree.lower, tree.upper, tree.child, tree.slabs, distance,
-    )  # fmt: skip
+    first, last = (ends[:, pieces.link].reshape(-1, 4, 4) for ends in (shifted(T, back), T))
+    which = np.tile(np.arange(len(pieces.link)), len(grasps))
+    limit = np.full(len(which), _LIMIT_M)
+    distance = distances_from_tree(tree, pieces, which, first, last, limit)
     return np.asarray((distance <= 0.0).reshape(len(grasps), -1).any(axis=1))

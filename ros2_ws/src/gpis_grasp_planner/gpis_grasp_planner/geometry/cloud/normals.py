@@ -87,8 +87,8 @@ def points_inward(points: Array, normals: Array) -> bool:
 def _agreeing(points: Array, normals: Array) -> Array:
     """Normals on one side of the surface, from neighbour to neighbour.
 
-    By Open3D on points that are moved a little: its triangulation takes minutes for points that lie
-    in planes to the last digit, as those that are sampled from CAD do.
+    By Open3D on points that are moved a little. Points that lie in planes to the last digit, as
+    sampled from CAD, take it 40 s for 20,000, and six times as long for twice as many.
     """
     shift = np.random.default_rng(0).standard_normal(points.shape)
     moved = to_open3d(points + _SHIFT * spacing_of(points) * shift)

@@ -11,15 +11,16 @@ import re
 import numpy as np
 
 from gpis_grasp_planner.errors import ErrorCode, MeshError
+from gpis_grasp_planner.geometry.formats.parsed_mesh import truncated
 
-# Alone, with the names of its supertypes before them, or as part of a complex instance: two or
-# three axes, the origin and the scale are the last ones in both (ISO 10303-42, 4.4.11 and 4.4.12).
-_OPERATOR = re.compile(rb"\bCARTESIAN_TRANSFORMATION_OPERATOR(_3D)?\s*\(([^()]*)\)")
-_DIRECTION = re.compile(
-    rb"#(\d+)\s*=\s*DIRECTION\s*\(\s*(?:'(?:[^']|'')*'|\$)\s*,\s*\(([^()]*)\)\s*\)"
-)
+_KIND = b"CARTESIAN_TRANSFORMATION_OPERATOR"
+_ENTITY = re.compile(rb"#(\d+)\s*=([^;]*" + _KIND + rb"[^;]*);")
+# Alone, all attributes are in one list; in a complex instance the third axis is in one of its own.
+_ATTRIBUTES = re.compile(_KIND + rb"(?:_3D)?\s*\(([^()]*)\)")
+_MAPPED = re.compile(rb"\bMAPPED_ITEM\s*\([^;]*#(\d+)\s*\)")
+_DIRECTION = re.compile(rb"#(\d+)\s*=\s*DIRECTION\s*\([^;(]*\(([^()]*)\)\s*\)")
 _ABSENT = b"$"
-_DEFAULTS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_SAME_SCALE = 1e-9
 
 
 def refuse_changed_copies(text: bytes, name: str) -> None:
@@ -28,28 +29,20 @@ def refuse_changed_copies(text: bytes, name: str) -> None:
     Raises
     ------
     MeshError
-        MESH_FORMAT_NOT_SUPPORTED.
+        MESH_FORMAT_NOT_SUPPORTED; MESH_UNREADABLE where the way of a copy cannot be read.
     """
-    if b"CARTESIAN_TRANSFORMATION_OPERATOR" not in text:
+    if _KIND not in text:
         return
-    directions = {f"#{int(number)}": _numbers(of) for number, of in _DIRECTION.findall(text)}
-    before: list[bytes] = []
-    for of_3d, arguments in _OPERATOR.findall(text):
-        words = [word.strip() for word in arguments.split(b",")]
-        if of_3d and len(words) == 1:  # of a complex instance, whose other attributes came before
-            words = before + words
-        before = words
-        third = words[-1] if of_3d else _ABSENT
-        words = words[:-1] if of_3d else words
-        first, second, _, scale = words[-4:]
-        factor = 1.0 if scale == _ABSENT else float(scale)
-        axes = [
-            directions.get(axis.decode("latin-1"), default)
-            for axis, default in zip((first, second, third), _DEFAULTS, strict=True)
-        ]
-        mirrored = third != _ABSENT and float(np.linalg.det(np.array(axes))) < 0.0
-        if abs(factor - 1.0) > 1e-9 or mirrored:
-            how = "mirrored" if mirrored else f"scaled by {factor:g}"
+    directions = {b"#" + number: of for number, of in _DIRECTION.findall(text)}
+    used = set(_MAPPED.findall(text))
+    for number, entity in _ENTITY.findall(text):
+        if number not in used:
+            continue
+        try:
+            how = _change(entity, directions)
+        except (ValueError, KeyError):
+            raise truncated(name, f"the way of a copy (#{number.decode()}) is damaged") from None
+        if how:
             raise MeshError(
                 f"{name} places a copy of a shape {how} (CARTESIAN_TRANSFORMATION_OPERATOR_3D), "
                 "which the reader would place wrongly. Export it with the copy as a body of its "
@@ -58,5 +51,15 @@ def refuse_changed_copies(text: bytes, name: str) -> None:
             )
 
 
-def _numbers(text: bytes) -> tuple[float, ...]:
-    return tuple(float(word) for word in text.split(b","))
+def _change(entity: bytes, directions: dict[bytes, bytes]) -> str:
+    """How an operator changes a shape beside moving and turning it; "" where it does not."""
+    attributes = b",".join(_ATTRIBUTES.findall(entity)).split(b",")
+    first, second, _, scale, third = (word.strip() for word in attributes[-5:])
+    factor = 1.0 if scale == _ABSENT else float(scale)
+    if abs(factor - 1.0) > _SAME_SCALE:
+        return f"scaled by {factor:g}"
+    axes = [
+        [float(x) for x in directions[axis].split(b",")] if axis != _ABSENT else default
+        for axis, default in zip((first, second, third), np.eye(3).tolist(), strict=True)
+    ]
+    return "mirrored" if float(np.linalg.det(np.array(axes))) < 0.0 else ""

@@ -65,12 +65,13 @@ def _binary_length(data: bytes) -> int:
 def _binary_parts(data: bytes) -> list[bytes]:
     """Binary files that were written one after the other; empty where they do not fill `data`."""
     parts: list[bytes] = []
-    while data:
-        length = _binary_length(data[:HEADER_BYTES])
-        if not HEADER_BYTES < length <= len(data):
+    start = 0
+    while start < len(data):
+        length = _binary_length(data[start : start + HEADER_BYTES])
+        if not HEADER_BYTES < length <= len(data) - start:
             return []
-        parts.append(data[:length])
-        data = data[length:]
+        parts.append(data[start : start + length])
+        start += length
     return parts
 
 
@@ -228,10 +229,10 @@ def _facets(text: bytes, before: int, lines: int, name: str) -> tuple[Array, int
     kind = words.bytes[words.starts]
     kind = np.where(kind <= _VERTEX, kind, 0).astype(np.uint8)
     # Normals are not used, and may hold anything (NaN, too): words from 'facet' to 'outer'.
-    head = np.cumsum(kind == _FACET) > np.cumsum(kind == _OUTER)
+    facets = np.cumsum(kind == _FACET)
+    head = facets > np.cumsum(kind == _OUTER)
     # Between facets, remarks and colours of some exporters.
-    between = np.cumsum(kind == _FACET) == np.cumsum(kind == _ENDFACET)
-    between &= (kind == 0) & (kind == _FACET).any()
+    between = (facets == np.cumsum(kind == _ENDFACET)) & (kind == 0) & bool(facets[-1:].any())
     kept = np.flatnonzero((~head | (kind == _FACET)) & ~between)
     kind = kind[kept]
     count, rest = divmod(len(kind), len(_PATTERN))

@@ -64,6 +64,9 @@ def read_3mf(data: bytes, name: str, max_faces: int) -> ParsedMesh:
 class _Package:
     def __init__(self, data: bytes, name: str, max_faces: int):
         self._archive = zipfile.ZipFile(io.BytesIO(data))
+        names = self._archive.namelist()
+        self._names = frozenset(names)
+        self._in_lower_case = {_lower(name): name for name in reversed(names)}
         self._name = name
         self._max_faces = max_faces
         self._components = 0
@@ -87,13 +90,11 @@ class _Package:
 
     def _entry(self, path: str) -> str:
         """The entry of a part; names of parts are the same in any case, and may be escaped."""
-        names = self._archive.namelist()
         for wanted in (path.lstrip("/"), unquote(path).lstrip("/")):
-            if wanted in names:
+            if wanted in self._names:
                 return wanted
-            for name in names:
-                if name.replace("\\", "/").lstrip("/").lower() == wanted.lower():
-                    return name
+            if _lower(wanted) in self._in_lower_case:
+                return self._in_lower_case[_lower(wanted)]
         return path
 
     def _read(self, path: str) -> bytes:
@@ -109,7 +110,7 @@ class _Package:
 
     def _start(self) -> str:
         """The path of the main model: by the relationship that names it, else the only one."""
-        if self._entry("_rels/.rels") in self._archive.namelist():
+        if self._entry("_rels/.rels") in self._names:
             for kind, target in _relationships(self._read("_rels/.rels")):
                 if kind.endswith("/3dmodel"):
                     return posixpath.normpath(posixpath.join("/", target.lstrip("/")))
@@ -123,10 +124,11 @@ class _Package:
             model = parse_model(self._read(path), self._max_faces)
             if model.unit not in METRES:
                 raise ModelError(f"its unit is {model.unit[:20]!r}; known are {', '.join(METRES)}")
+            first = next(iter(self._models.values()), model)
+            if model.unit != first.unit:
+                units = ", ".join(sorted((first.unit, model.unit)))
+                raise ModelError(f"its models are in different units ({units})")
             self._models[path] = model
-            units = sorted({m.unit for m in self._models.values()})
-            if len(units) > 1:
-                raise ModelError(f"its models are in different units ({', '.join(units)})")
         return self._models[path]
 
     def _helpers(self) -> Helpers:
@@ -134,7 +136,7 @@ class _Package:
         found = Helpers()
         for path in CONFIGS:
             entry = self._entry(path)
-            if entry in self._archive.namelist():
+            if entry in self._names:
                 found.add(self._read(entry))
         return found
 
@@ -244,6 +246,10 @@ class _Package:
 def _unused(model: Model) -> list[Reference]:
     used = {c.object_id for o in model.objects.values() for c in o.components}
     return [Reference(i, np.eye(4), "") for i in model.objects if i not in used]
+
+
+def _lower(name: str) -> str:
+    return name.replace("\\", "/").lstrip("/").lower()
 
 
 def _relationships(xml: bytes) -> list[tuple[str, str]]:
