@@ -47,6 +47,21 @@ def test_where_the_engine_is_open_the_other_one_is_asked_too(bar: Part) -> None:
         assert {case.settings.engine for case in cases} == {engine}
 
 
+@pytest.mark.parametrize(
+    ("finger", "palm", "of_finger", "of_palm"),
+    [(0.3, 0.2, 0.3, 0.2), (1.0, 0.5, 0.6, 0.5), (0.2, 0.9, 0.2, 0.6), (1.0, 1.0, 0.6, 0.6)],
+)
+def test_the_palm_has_its_own_friction_where_that_is_less(
+    bar: Part, finger: float, palm: float, of_finger: float, of_palm: float
+) -> None:
+    cases = finalist_cases(bar, Friction(finger, palm), SETTINGS, seed=1)
+    for case in cases:
+        share = case.settings.palm_friction_share
+        assert share == pytest.approx(of_palm / of_finger)
+        assert (f"(palm {share * case.settings.friction:g})" in case.name) == (share != 1.0)
+    assert cases[0].settings.friction == of_finger
+
+
 def test_with_less_friction_than_the_settings_all_is_less(bar: Part) -> None:
     settings = replace(SETTINGS, draws=50)
     cases = finalist_cases(bar, Friction(0.2, 0.9), settings, seed=1)

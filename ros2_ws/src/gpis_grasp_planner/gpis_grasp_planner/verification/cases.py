@@ -65,7 +65,8 @@ def finalist_cases(
     """The case that decides whether a grasp holds, and those that say how probably it does.
 
     The first is the strict protocol at the settings' friction, or at the friction that was planned
-    with where that is less. The others are a sample of what may be met in the cell, the same for
+    with where that is less, of fingers and palm each; the palm's share is that of all cases. The
+    others are a sample of what may be met in the cell, the same for
     every grasp, so that grasps differ by what they are and not by their luck:
 
     - draws: friction uniform between `low_friction` and `high_friction` (both less where the
@@ -85,6 +86,9 @@ def finalist_cases(
         `draws` + 2 or + 3 of them.
     """
     nominal = replace(settings, friction=min(settings.friction, friction.finger))
+    if nominal.friction > 0.0:
+        of_palm = min(settings.palm_friction_share * settings.friction, friction.palm)
+        nominal = replace(nominal, palm_friction_share=of_palm / nominal.friction)
     less = nominal.friction / settings.friction if settings.friction > 0.0 else 1.0
     low, high = less * settings.low_friction, less * settings.high_friction
     mass, n_surfaces = cad_mass(part, settings), len(part.drawn)
@@ -128,4 +132,6 @@ def spread_points(n: int, dimensions: int, rng: np.random.Generator) -> Array:
 
 def _name(settings: VerificationSettings) -> str:
     engines = " and ".join(engine_names(settings.engine))
-    return f"friction {settings.friction:g}, {settings.mass_kg:.3g} kg, {engines}"
+    of_palm = settings.palm_friction_share * settings.friction
+    palm = "" if settings.palm_friction_share == 1.0 else f" (palm {of_palm:g})"
+    return f"friction {settings.friction:g}{palm}, {settings.mass_kg:.3g} kg, {engines}"
