@@ -257,6 +257,36 @@ def test_a_plan_for_something_else_is_refused(planner, mug, plan, asked, part_of
         planner.answer(replace(mug, **part_of), replace(REQUEST, **asked), known=plan)
 
 
+def planner_with(group, **values):
+    return GraspPlanner(replace(SETTINGS, **{group: replace(getattr(SETTINGS, group), **values)}))
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "value", "said"),
+    [
+        ("scene", "cone_edges", 6, "scene.cone_edges 8, now it is 6"),
+        ("scene", "contact_threshold_m", 0.001, "contact_threshold_m 0.0002, now it is 0.001"),
+        ("hpp", "volume_weight", 0.1, "hpp.volume_weight 0.5, now it is 0.1"),
+    ],
+)
+def test_a_plan_whose_figures_other_settings_made_is_refused(mug, plan, group, name, value, said):
+    with pytest.raises(RequestError, match=said):
+        planner_with(group, **{name: value}).known_answer(mug, plan, REQUEST, Place())
+
+
+def test_trials_by_another_protocol_are_refused(mug, plan):
+    """What held as 0.1 kg says nothing of 5 kg; how many processes tried it is all one."""
+    held = Trials((TrialOutcome("strict", True),))
+    tried = replace(plan, grasps=tuple(replace(grasp, trials=held) for grasp in plan.grasps))
+    wanted = replace(REQUEST, verification="rank")
+    heavy = planner_with("verification", mass_kg=5.0)
+    with pytest.raises(RequestError, match=r"verification.mass_kg 0.1, now it is 5.0"):
+        heavy.known_answer(mug, tried, wanted, Place())
+    assert heavy.known_answer(mug, plan, REQUEST, Place()).satisfies(REQUEST)  # not tried
+    alone = planner_with("verification", processes=1)
+    assert alone.known_answer(mug, tried, wanted, Place()).satisfies(wanted)
+
+
 def test_a_plan_of_another_hand_is_refused(mug, plan):
     jaw = GraspPlanner(PlannerSettings(hand=HandSettings(model="parallel_jaw")))
     with pytest.raises(RequestError, match=r"hand 'barrett_bh280', now it is 'parallel_jaw'"):
