@@ -118,16 +118,18 @@ def finalist_cases(
 def spread_points(n: int, dimensions: int, rng: np.random.Generator) -> Array:
     """Points (n, dimensions) in the open unit cube, of which any first few are spread evenly.
 
-    Multiples of a fixed step, taken modulo 1 (Kronecker's sequence), from a random start, which
-    makes each point uniform (Cranley and Patterson). The step's entries are powers of 1 / g,
-    where g > 1 solves ``g^(dimensions + 1) = g + 1``.
+    Latin hypercubes that double: of the first 1, 2, 4, 8, ... points one lies in each of as many
+    equal intervals of every axis, in an order by chance. Each point is uniform, and the first
+    points are the same whatever n is.
     """
-    g = 2.0
-    for _ in range(64):  # a contraction: 64 rounds are far beyond rounding
-        g = (1.0 + g) ** (1.0 / (dimensions + 1))
-    step = g ** -np.arange(1.0, dimensions + 1.0)
-    points = (rng.random(dimensions) + np.arange(n)[:, None] * step) % 1.0
-    return np.clip(points, 1e-9, 1.0 - 1e-9)
+    points = rng.random((1, dimensions))
+    while len(points) < n:
+        intervals = np.arange(2 * len(points))
+        taken = (points * len(intervals)).astype(int)
+        free = [rng.permutation(np.setdiff1d(intervals, column)) for column in taken.T]
+        fresh = (np.stack(free, axis=1) + rng.random(points.shape)) / len(intervals)
+        points = np.concatenate([points, fresh])
+    return np.clip(points[:n], 1e-9, 1.0 - 1e-9)
 
 
 def _name(settings: VerificationSettings) -> str:
