@@ -202,3 +202,13 @@ def test_an_error_in_a_child_is_raised(bar: Part, hand: HandDescription, firm: G
 def test_a_part_is_prepared_once(bar: Part) -> None:
     settings = VerificationSettings()
     assert prepare(bar, settings) is prepare(bar, replace(settings, friction=0.3))
+
+
+def test_a_part_that_is_simplified_otherwise_is_prepared_anew(make_box: BoxMaker) -> None:
+    """Pieces are found by the numbers of the simplified mesh's faces."""
+    part, settings = make_box(0.04, 0.04, 0.04), VerificationSettings()
+    coarse = make_box(0.041, 0.04, 0.04).mesh
+    prepare(part, settings)
+    other = prepare(replace(part, simplified=coarse), settings)
+    assert other is prepare(replace(part, simplified=coarse), settings)
+    assert other is not prepare(part, settings)
