@@ -30,7 +30,7 @@ def copied(name: str, folder: Path) -> tuple[Path, Path]:
             "barrett_bh280",
             '<mimic joint="bh_j12_joint" multiplier="0.333333333333" />',
             '<mimic joint="bh_j12_joint" multiplier="0.333333333333" offset="0.1" />',
-            "offset of 0.1; only 0",
+            "joint 2 would go to 0.814487, but its stop is at 0.737758",
         ),
         (
             "barrett_bh280",
