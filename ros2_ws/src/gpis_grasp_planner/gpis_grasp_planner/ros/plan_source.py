@@ -239,7 +239,8 @@ class PlanSource:
             order.settings,
             order.read_limit_s,
         )
-        return self._process.carry_out(place_order, call)
+        # With the record of what was placed: it may have to be placed again, for a newer pose.
+        return replace(self._process.carry_out(place_order, call), record=known.record)
 
     def _made(
         self, order: PlanOrder, place: Place | None, known: Plan | None, call: Call, spent_s: float

@@ -59,6 +59,15 @@ class ObjectPose:
     covariance: Array | None
     notes: tuple[str, ...]
 
+    def same_as(self, other: ObjectPose) -> bool:
+        """Whether both are of one estimate: nothing has come since."""
+        return (
+            (self.frame_id, self.stamp_ns) == (other.frame_id, other.stamp_ns)
+            and np.array_equal(self.T_world_object, other.T_world_object)
+            and (self.covariance is None) == (other.covariance is None)
+            and (self.covariance is None or np.array_equal(self.covariance, other.covariance))
+        )
+
 
 def check_request(
     seed: int,
