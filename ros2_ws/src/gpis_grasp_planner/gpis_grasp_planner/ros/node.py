@@ -52,6 +52,7 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
 
     from gpis_grasp_planner.errors import GraspPlannerError
     from gpis_grasp_planner.ros.lifecycle_node import GraspPlannerLifecycleNode
+    from gpis_grasp_planner.ros.parameter_sections import passed_over
     from gpis_grasp_planner.ros.planner_node import NODE_NAME, GraspPlannerNode, spin
     from gpis_grasp_planner.ros.text import printable
 
@@ -67,6 +68,8 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
         log.fatal(f"Not started: {printable(error, 1000)}")
         rclpy.try_shutdown()
         return EXIT_CONFIGURATION
+    for text in passed_over(args, node.get_fully_qualified_name()):
+        node.get_logger().warning(text)
     # A full collection looks at all that was imported, with every thread waiting.
     gc.collect()
     gc.freeze()

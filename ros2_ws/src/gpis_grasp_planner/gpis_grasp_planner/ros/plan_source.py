@@ -87,6 +87,10 @@ class PlanSource:
             self._seen_ids.clear()
         self._seen_ids.add(mesh_id)
 
+    def version(self, mesh_id: str) -> str | None:
+        """Another text once a file of this mesh ID has changed; None where there is none."""
+        return self._fingerprint(mesh_id)
+
     def reserve(self, mesh_id: str, seed: int, call: Call) -> None:
         """Keep a place in the queue for a request, before anything else is looked at (some us).
 
