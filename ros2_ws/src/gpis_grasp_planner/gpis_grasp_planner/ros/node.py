@@ -64,8 +64,16 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = GraspPlannerLifecycleNode() if lifecycle else GraspPlannerNode()
     except (GraspPlannerError, RCLError, RCLInvalidROSArgsError, UnknownROSArgsError) as error:
-        log = rclpy.logging.get_logger(NODE_NAME)
-        log.fatal(f"Not started: {printable(error, 1000)}")
+        rclpy.logging.get_logger(NODE_NAME).fatal(f"Not started: {printable(error, 1000)}")
+        rclpy.try_shutdown()
+        return EXIT_CONFIGURATION
+    except (OSError, MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "thread" not in str(error):
+            raise
+        rclpy.logging.get_logger(NODE_NAME).fatal(
+            f"Not started: the system refuses what the node needs ({printable(repr(error), 400)}). "
+            "Look at its limits of memory, threads and open files (ulimit -a)."
+        )
         rclpy.try_shutdown()
         return EXIT_CONFIGURATION
     for text in passed_over(args, node.get_fully_qualified_name()):
