@@ -106,7 +106,7 @@ def test_what_it_cannot_start_with_ends_in_one_line_and_code_2(arguments: str, s
 
 
 @pytest.mark.parametrize(
-    "error", ["RuntimeError(\"can't start new thread\")", "OSError(24, 'Too many open files')"]
+    "error", ['RuntimeError("can\'t start new thread")', "OSError(24, 'Too many open files')"]
 )
 def test_limits_of_the_system_are_told_as_such(error: str) -> None:
     code = (
