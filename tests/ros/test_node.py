@@ -130,6 +130,21 @@ def test_the_lifecycle_node_starts_with_the_same_checks() -> None:
     assert "queue_size" in ended.stderr
 
 
+def test_it_ends_though_a_thread_waits_for_a_disk_that_does_not_answer() -> None:
+    code = (
+        "import os, signal, sys, threading; from concurrent.futures import ThreadPoolExecutor; "
+        "from gpis_grasp_planner.ros import node; node.LEAVE_S = 0.2; "
+        "ThreadPoolExecutor(1).submit(threading.Event().wait); "
+        "node.insist_on_security = lambda: os.kill(os.getpid(), signal.SIGTERM); "
+        "sys.exit(node.main(['node']))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT_S
+    )
+    assert ended.returncode == 0
+    assert "Ended while a request still waited" in ended.stderr
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_the_imports_ends_it_in_order(number: int) -> None:
     code = (

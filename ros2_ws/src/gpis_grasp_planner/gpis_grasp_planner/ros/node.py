@@ -15,9 +15,12 @@ import signal
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 EXIT_CONFIGURATION = 2
+# After a signal; an orderly end takes less, also where requests in work are answered.
+LEAVE_S = 15.0
 HELP = """\
 usage: {name} [--ros-args [-p NAME:=VALUE] [--params-file FILE.yaml] [-r FROM:=TO] ...]
 
@@ -40,6 +43,7 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    threading.Thread(target=leave_at_last, args=(stop,), daemon=True).start()
     if "--help" in (sys.argv if args is None else args)[1:]:
         name = "grasp_planner_lifecycle_node" if lifecycle else "grasp_planner_node"
         sys.stdout.write(HELP.format(name=name))
@@ -87,6 +91,21 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
         gc.unfreeze()
         rclpy.try_shutdown()
     return 0
+
+
+def leave_at_last(stop: threading.Event) -> None:
+    """End the process some time after `stop`, whatever keeps it.
+
+    Python waits for each thread of a pool at its end, and a thread that reads the catalogue from a
+    disk that does not answer waits for ever.
+    """
+    stop.wait()
+    time.sleep(LEAVE_S)
+    try:
+        sys.stderr.write("Ended while a request still waited, for a disk most likely.\n")
+        sys.stderr.flush()
+    finally:  # there may be no stderr
+        os._exit(0)
 
 
 def insist_on_security() -> None:
