@@ -19,11 +19,16 @@ class KeptCover:
     mesh : TriangleMesh
     tolerance : float [m]
         Of the cover.
+    field_spacing : float [m]
+        Of the distance field by which pieces are judged.
     """
 
-    def __init__(self, settings: CacheSettings, mesh: TriangleMesh, tolerance: float):
+    def __init__(
+        self, settings: CacheSettings, mesh: TriangleMesh, tolerance: float, field_spacing: float
+    ):
         self._disk = DiskCache.of(settings)
-        self._key = repr((mesh.content_hash, tolerance, code_version(*_SOURCES)))
+        key = (mesh.content_hash, tolerance, field_spacing, code_version(*_SOURCES))
+        self._key = repr(key)
         self._n_at_load = 0
 
     def load_into(self, cover: ConvexCover) -> None:

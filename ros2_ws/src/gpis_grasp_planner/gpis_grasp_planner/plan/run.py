@@ -202,9 +202,8 @@ class PlanRun:
     def _make_trials(self, cases: Sequence[TrialCase]) -> RunningTrials:
         verification, prepared = self.settings.verification, self._prepared
         made = prepare(self.part, verification, prepared.field, prepared.tree)
-        kept = KeptCover(
-            self.settings.cache, self.part.working_mesh, verification.cover_tolerance_m
-        )
+        tolerance, spacing = verification.cover_tolerance_m, prepared.field.spacing
+        kept = KeptCover(self.settings.cache, self.part.working_mesh, tolerance, spacing)
         kept.load_into(made.cover)
         drawn = [
             (part, PreparedPart.of(part, verification, *draw))

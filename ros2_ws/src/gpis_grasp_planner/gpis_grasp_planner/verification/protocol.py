@@ -60,7 +60,7 @@ class PreparedPart:
         return cls(field, tree, cover)
 
 
-_prepared: OrderedDict[tuple[str, str, float], PreparedPart] = OrderedDict()
+_prepared: OrderedDict[tuple[str, str, float, float | None], PreparedPart] = OrderedDict()
 
 
 def prepare(
@@ -72,7 +72,7 @@ def prepare(
     """Make ready to cover a part by convex pieces, once per mesh and tolerance."""
     # the pieces are of the working mesh's faces, whose numbers another simplification changes
     meshes = part.mesh.content_hash, part.working_mesh.content_hash
-    key = (*meshes, settings.cover_tolerance_m)
+    key = (*meshes, settings.cover_tolerance_m, None if field is None else field.spacing)
     found = _prepared.get(key)
     if found is None:
         field = field or DistanceField.of(part.working_mesh)
