@@ -110,9 +110,9 @@ def read_ply(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     vertices = tables["vertex"].scalars
     corners, counts = _polygons(tables, len(vertices), name)
     check_face_count(int(counts.sum()) - 2 * len(counts), name, max_faces)
-    faces, _ = triangulate(vertices, corners, counts, name)
+    faces, _, skewed = triangulate(vertices, corners, counts, name)
     notes = (f"{extra} after what the header describes were ignored.",) if extra else ()
-    return ParsedMesh(vertices, faces, notes=notes, doubt=doubt)
+    return ParsedMesh(vertices, faces, notes=(*notes, *skewed), doubt=doubt)
 
 
 def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
