@@ -165,8 +165,8 @@ class _Reader:
 
     def _extension(self, prefix: str) -> str:
         """What the address of an extension calls it, such as 'slice'; else its prefix."""
-        words = self._spaces.get(prefix, prefix).split("/3dmanufacturing/")
-        return words[-1].split("/")[0][:40]
+        _, _, named = self._spaces.get(prefix, "").partition("/3dmanufacturing/")
+        return (named.split("/")[0] or prefix)[:40]
 
     def _end(self, tag: str) -> None:
         if tag.rpartition("}")[2] != "mesh" or self._object is None:
