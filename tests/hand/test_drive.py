@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from gpis_grasp_planner.errors import RequestError
 from gpis_grasp_planner.hand.description import load_hand
 from gpis_grasp_planner.hand.drive import (
     joints_from_motors,
     motors_from_joints,
     reachable,
 )
-from gpis_grasp_planner.hand.drive_train import _farthest
+from gpis_grasp_planner.hand.drive_train import _farthest, check_limits, rounded_limits
 
 
 def degrees(spread, motor, stop=np.inf):
@@ -90,3 +91,15 @@ def test_one_row_of_a_closing_table_goes_as_far_as_the_linear_programme_says() -
             bounds=[(0.0, None)],
         )
         assert _farthest(row, upper, travel, 2) == pytest.approx(row[0, 2] * best.x[0], abs=1e-9)
+
+
+def test_a_limit_that_was_rounded_below_what_the_table_says_is_made_good():
+    """0.98175 times 1.3588 is 2e-6 beyond 1.334; 1.3 is another stop, and stays one."""
+    table = np.array([[1.0, 1.3588], [0.0, 1.0]])
+    limits = rounded_limits(table, np.array([0.98175, 1.334]), 0.98175)
+    np.testing.assert_allclose(limits, [0.98175, 0.98175 * 1.3588], rtol=0.0, atol=1e-12)
+    check_limits("it", table, limits, 0.98175)
+    far = np.array([0.98175, 1.3])
+    np.testing.assert_array_equal(rounded_limits(table, far, 0.98175), far)
+    with pytest.raises(RequestError, match=r"go to 1.334, but its stop is at 1.3;"):
+        check_limits("it", table, far, 0.98175)

@@ -44,3 +44,23 @@ def test_few_vertices_span_the_same_body(rng):
     # without a tolerance every corner is needed
     every = fewest_vertices(points, 1e-12)
     assert sorted(map(tuple, every)) == sorted(map(tuple, points[corners]))
+
+
+def test_a_limit_takes_many_points_at_a_time(rng, monkeypatch):
+    """Of a round body of thousands of corners: few hulls are grown, and none is far from it."""
+    grown = []
+
+    class Counted(ConvexHull):
+        def add_points(self, points, restart=False):
+            grown.append(len(points))
+            super().add_points(points, restart)
+
+    monkeypatch.setattr("scipy.spatial.ConvexHull", Counted)
+    points = rng.normal(size=(4000, 3))
+    points *= 0.02 / np.linalg.norm(points, axis=1, keepdims=True)
+    chosen = fewest_vertices(points, 1e-6, 256)
+    assert len(chosen) == 256
+    assert len({tuple(p) for p in chosen}) == 256
+    assert len(grown) < 30
+    planes = ConvexHull(chosen).equations
+    assert (points @ planes[:, :3].T + planes[:, 3]).max() < 6e-4  # 256 even caps: 3e-4

@@ -130,3 +130,28 @@ def test_a_truncated_stl_is_refused(tmp_path, length):
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(MeshError, match=r"box\.stl"):
         read_link_mesh(path)
+
+
+def test_an_obj_file_without_a_last_newline_is_whole_where_it_is_closed(tmp_path):
+    """As trimesh and what builds on it writes them."""
+    text = trimesh.Trimesh(CUBE.vertices, CUBE.faces).export(file_type="obj")
+    (tmp_path / "cube.obj").write_text(text.rstrip("\n"))
+    mesh = shapes(tmp_path, '<mesh filename="cube.obj"/>')
+    assert solid_properties(mesh)[0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_an_open_obj_file_without_a_last_newline_is_whole_where_its_faces_use_all_corners(tmp_path):
+    text = trimesh.Trimesh(CUBE.vertices, CUBE.faces[:-1]).export(file_type="obj")
+    (tmp_path / "cube.obj").write_text(text.rstrip("\n"))
+    mesh = shapes(tmp_path, '<mesh filename="cube.obj"/>', hulls=True)
+    assert solid_properties(mesh)[0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_an_obj_file_that_was_cut_off_within_its_faces_is_refused_but_may_be_looked_at(tmp_path):
+    text = trimesh.Trimesh(CUBE.vertices, CUBE.faces).export(file_type="obj")
+    lines = text.rstrip("\n").split("\n")
+    at = next(i for i, line in enumerate(lines) if line.startswith("f "))
+    (tmp_path / "cube.obj").write_text("\n".join(lines[: at + 2]))
+    with pytest.raises(MeshError, match="its surface is open"):
+        shapes(tmp_path, '<mesh filename="cube.obj"/>', hulls=True)
+    assert len(shapes(tmp_path, '<mesh filename="cube.obj"/>', kind="visual").faces) == 2

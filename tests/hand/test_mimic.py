@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gpis_grasp_planner.errors import RequestError
+from gpis_grasp_planner.hand.checks import faults_of
 from gpis_grasp_planner.hand.description import load_hand
 
 
@@ -30,7 +31,7 @@ def copied(name: str, folder: Path) -> tuple[Path, Path]:
             "barrett_bh280",
             '<mimic joint="bh_j12_joint" multiplier="0.333333333333" />',
             '<mimic joint="bh_j12_joint" multiplier="0.333333333333" offset="0.1" />',
-            "offset of 0.1; only 0",
+            "joint 2 would go to 0.814487, but its stop is at 0.737758",
         ),
         (
             "barrett_bh280",
@@ -77,3 +78,17 @@ def test_joints_that_follow_as_the_description_says_are_accepted(tmp_path):
     yaml_path, _ = copied("barrett_bh280", tmp_path)
     mimics = [m for m in load_hand(str(yaml_path)).joint_mimic if m is not None]
     assert [round(multiplier, 6) for _, multiplier, _ in mimics] == [1.0] + [0.333333] * 3
+
+
+def test_a_joint_that_follows_for_good_and_is_moved_on_alone_is_told(tmp_path):
+    """Without a breakaway the URDF's coupling and the closing table contradict each other."""
+    yaml_path, _ = copied("barrett_bh280", tmp_path)
+    assert faults_of(load_hand(str(yaml_path))) == []
+    text = yaml_path.read_text()
+    assert "breakaway_torque: 0.55" in text
+    yaml_path.write_text(text.replace("breakaway_torque: 0.55", "breakaway_torque: 0"))
+    load_hand.cache_clear()
+    faults = faults_of(load_hand(str(yaml_path)))
+    assert len(faults) == 3
+    assert "'bh_j13_joint' always follows 'bh_j12_joint'" in faults[0]
+    assert "'breakaway_torque'" in faults[0]

@@ -104,7 +104,7 @@ def test_a_hand_of_a_file_is_the_same_hand(jaw, copied):
         ("urdf", '<axis xyz="0 -1 0"/>', '<axis xyz="1 0 0"/>', ""),
         ("urdf", 'type="prismatic"', 'type="revolute"', "slide towards each other"),
         ("urdf", 'type="prismatic"', 'type="planar"', "'planar'"),
-        ("urdf", 'lower="0"', 'lower="-0.01"', "does not begin at 0"),
+        ("urdf", 'lower="0"', 'lower="0.01"', "goes from 0.01 to .* give the finger .open_deg."),
         ("urdf", "<box size=", "<capsule radius=", "shape that is 'capsule'"),
     ],
 )

@@ -22,6 +22,7 @@ from gpis_grasp_planner.geometry.catalogue import (
 )
 from gpis_grasp_planner.geometry.part import Friction, Part
 from gpis_grasp_planner.grasp.lost_palms import MOST_OF_A_CAUSE
+from gpis_grasp_planner.hand.open_hand import JointCount
 from gpis_grasp_planner.plan.document import (
     MeshSource,
     check_same_mesh,
@@ -353,3 +354,25 @@ def test_a_number_beyond_all_bounds_is_refused(tmp_path: Path, document: dict, v
     (tmp_path / "bad.json").write_text(text)
     with pytest.raises(RequestError, match="mass"):
         read_document(tmp_path / "bad.json")
+
+
+def test_joints_leave_and_come_back_as_the_urdf_counts_them(result: PlanResult, tmp_path: Path):
+    n = len(result.joint_names)
+    count = JointCount(0.1 * np.arange(n), np.where(np.arange(n) % 2, -1.0, 1.0))
+    counted = replace(result, joint_count=count)
+    values = document_of(counted)["grasps"][0]["joint_positions"]
+    np.testing.assert_allclose(values, count.zero + count.sense * result.grasps[0].joints)
+    write_document(tmp_path / "a.json", counted)
+    back = read_document(tmp_path / "a.json").result
+    for read, planned in zip(back.grasps, result.grasps, strict=True):
+        np.testing.assert_allclose(read.joints, planned.joints, atol=1e-15)
+        np.testing.assert_allclose(read.pregrasp_joints, planned.pregrasp_joints, atol=1e-15)
+    np.testing.assert_array_equal(back.joint_count.sense, count.sense)
+    values = json.loads((tmp_path / "a.json").read_text())
+    del values["open_hand"]  # as earlier programs wrote them
+    (tmp_path / "a.json").write_text(json.dumps(values))
+    assert not read_document(tmp_path / "a.json").result.joint_count.zero.any()
+    values["open_hand"] = {"zero": [0.0] * n, "sense": [2.0] * n}
+    (tmp_path / "a.json").write_text(json.dumps(values))
+    with pytest.raises(RequestError, match=r"open_hand.sense. is .*1 or -1"):
+        read_document(tmp_path / "a.json")

@@ -16,6 +16,7 @@ from gpis_grasp_planner.grasp.funnel import Step
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.settings import HandSettings
+from gpis_grasp_planner.plan import hold_ranking
 from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.planner import GraspPlanner
 from gpis_grasp_planner.plan.progress import Monitor
@@ -139,6 +140,32 @@ def test_known_grasps_compete_without_the_probability_that_new_ones_lack_yet(pla
     assert all(f.grasp.hold_probability is None for f in known.finished)
 
 
+def test_nearly_the_same_covariance_costs_no_second_ranking(mug, plan, monkeypatch):
+    planner = GraspPlanner(SETTINGS)
+    first = place_result(planner, mug, plan, Place(covariance=NOISE)).result
+    asked = []
+    ranking = hold_ranking.rank_under_uncertainty
+    monkeypatch.setattr(
+        hold_ranking,
+        "rank_under_uncertainty",
+        lambda *arguments: asked.append(arguments[3]) or ranking(*arguments),
+    )
+    # the next estimate of a part that was moved: the covariance is the part's, and so the same
+    moved = Place(from_position_quat_xyzw([1.0, 2.0, 0.5], [0, 0, 0, 1]), covariance=1.02 * NOISE)
+    again = place_result(planner, mug, plan, moved).result
+    assert [g.hold_probability for g in again.grasps] == [g.hold_probability for g in first.grasps]
+    assert not asked
+    # kept ones are known after the deadline, too
+    late = Monitor(1.0, clock=iter(itertools.count(step=10.0)).__next__)
+    result = place_result(planner, mug, plan, Place(covariance=NOISE), monitor=late).result
+    assert [g.hold_probability for g in result.grasps] == [first.grasps[0].hold_probability]
+    # another covariance, seed or friction is another question
+    place_result(planner, mug, plan, Place(covariance=2.0 * NOISE))
+    assert len(asked) == len(plan.grasps)
+    place_result(planner, mug, plan, Place(covariance=2.0 * NOISE), seed=7)
+    assert len(asked) == 2 * len(plan.grasps)
+
+
 def test_a_bad_covariance_is_refused(planner, mug, plan):
     with pytest.raises(PoseError) as caught:
         place_result(planner, mug, plan, Place(covariance=-NOISE))
@@ -225,6 +252,18 @@ def test_a_plan_for_this_very_place_needs_no_search(planner, mug, table):
     assert moved.result.grasps[0].epsilon >= other.result.grasps[0].epsilon - 1e-12
 
 
+def test_in_free_space_a_plan_for_a_table_is_not_lifted_off_it(planner, mug, table):
+    """No support is known any more: the hand goes back the way it came."""
+    on_table = planner.answer(mug, REQUEST, table).result
+    assert all(grasp.lift_direction is not None for grasp in on_table.grasps)
+    free = place_result(planner, mug, on_table, Place()).result
+    assert free.grasps
+    searched = planner.answer(mug, REQUEST, Place(), known=on_table).result
+    for grasp in (*free.grasps, *searched.grasps):
+        assert grasp.lift_direction is None
+        assert grasp.way_out == pytest.approx(-grasp.T_object_palm[:3, 2])
+
+
 def test_what_was_tried_counts_where_trials_are_wanted(planner, mug, plan):
     wanted = replace(REQUEST, verification="rank")
     untried = planner.known_answer(mug, plan, wanted, Place())
@@ -255,6 +294,36 @@ def test_a_plan_of_another_mesh_is_refused(planner, plan):
 def test_a_plan_for_something_else_is_refused(planner, mug, plan, asked, part_of, what):
     with pytest.raises(RequestError, match=what):
         planner.answer(replace(mug, **part_of), replace(REQUEST, **asked), known=plan)
+
+
+def planner_with(group, **values):
+    return GraspPlanner(replace(SETTINGS, **{group: replace(getattr(SETTINGS, group), **values)}))
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "value", "said"),
+    [
+        ("scene", "cone_edges", 6, "scene.cone_edges 8, now it is 6"),
+        ("scene", "contact_threshold_m", 0.001, "contact_threshold_m 0.0002, now it is 0.001"),
+        ("hpp", "volume_weight", 0.1, "hpp.volume_weight 0.5, now it is 0.1"),
+    ],
+)
+def test_a_plan_whose_figures_other_settings_made_is_refused(mug, plan, group, name, value, said):
+    with pytest.raises(RequestError, match=said):
+        planner_with(group, **{name: value}).known_answer(mug, plan, REQUEST, Place())
+
+
+def test_trials_by_another_protocol_are_refused(mug, plan):
+    """What held as 0.1 kg says nothing of 5 kg; how many processes tried it is all one."""
+    held = Trials((TrialOutcome("strict", True),))
+    tried = replace(plan, grasps=tuple(replace(grasp, trials=held) for grasp in plan.grasps))
+    wanted = replace(REQUEST, verification="rank")
+    heavy = planner_with("verification", mass_kg=5.0)
+    with pytest.raises(RequestError, match=r"verification.mass_kg 0.1, now it is 5.0"):
+        heavy.known_answer(mug, tried, wanted, Place())
+    assert heavy.known_answer(mug, plan, REQUEST, Place()).satisfies(REQUEST)  # not tried
+    alone = planner_with("verification", processes=1)
+    assert alone.known_answer(mug, tried, wanted, Place()).satisfies(wanted)
 
 
 def test_a_plan_of_another_hand_is_refused(mug, plan):

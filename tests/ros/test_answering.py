@@ -257,6 +257,32 @@ def test_the_approach_is_in_the_frame_of_the_estimate_that_came_meanwhile(
     assert [cone.axis.tolist() for cone in cones] == [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
 
 
+def test_an_answer_from_memory_that_had_to_wait_is_where_the_part_is_by_then(
+    answering: GraspAnswering, planned: Any, tools: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under a covariance, or behind others that have one, that takes seconds."""
+    monkeypatch.setattr(module, "_NEWEST_FOR_S", -1.0)
+    before, now = (
+        replace(
+            answering._poses.from_request(tools.pose(xyz=(x, 0.0, 0.0))),
+            covariance=np.diag([1e-6] * 3 + [1e-4] * 3),
+            stamp_ns=stamp_ns,
+        )
+        for x, stamp_ns in ((0.5, 1), (0.9, 2))
+    )
+    estimates = iter([before, now, replace(now), replace(now)])
+    monkeypatch.setattr(answering._poses, "newest", lambda _mesh_id: next(estimates))
+    there = ask(answering, request(object_pose=PoseStamped()))
+    assert there.success, there.message
+    assert there.from_cache
+    assert there.grasps[0].palm_pose.header.stamp.nanosec == 2
+    assert there.grasps[0].hold_probability >= 0.0
+    here = tools.matrix(planned.grasps[0].palm_pose.pose)
+    moved = tools.matrix(there.grasps[0].palm_pose.pose)
+    assert np.allclose(moved[:3, 3] - here[:3, 3], [0.4, 0.0, 0.0])
+    assert len(list(estimates)) == 1  # the third look found nothing newer
+
+
 def test_while_it_is_worked_on_feedback_shows_grasps_where_the_part_lies(
     answering: GraspAnswering, planned: Any, tools: Any
 ) -> None:

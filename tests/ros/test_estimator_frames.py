@@ -13,6 +13,7 @@ from gpis_grasp_planner.geometry.catalogue import MeshCatalogue
 from gpis_grasp_planner.geometry.sidecar import Sidecar, parse_sidecar
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
+from gpis_grasp_planner.ros.mesh_source import fingerprint
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 
 TEXT = """
@@ -31,7 +32,7 @@ def estimate(T: np.ndarray, covariance: np.ndarray | None = None) -> ObjectPose:
 def test_a_point_of_the_part_is_where_the_estimator_says(rng: np.random.Generator) -> None:
     """Of a point of the mesh the estimator knows where it is in its own frame."""
     T = transform(Rotation.random(random_state=3).as_matrix(), rng.normal(size=3))
-    frames = EstimatorFrames(lambda _: SIDECAR)
+    frames = EstimatorFrames(lambda _: SIDECAR, lambda _: "v1")
     pose = frames.pose_of_mesh("part", estimate(T))
     in_mesh = rng.normal(size=3)
     turn = Rotation.from_quat([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
@@ -47,7 +48,7 @@ def test_the_covariance_is_that_of_the_moved_origin(rng: np.random.Generator) ->
     print("fixture rng")
     A = rng.normal(size=(6, 6)) * np.repeat([1e-3, 1e-2], 3)[:, None]
     T = transform(Rotation.random(random_state=4).as_matrix(), rng.normal(size=3))
-    frames = EstimatorFrames(lambda _: SIDECAR)
+    frames = EstimatorFrames(lambda _: SIDECAR, lambda _: "v1")
     pose = frames.pose_of_mesh("part", estimate(T, A @ A.T))
     errors = rng.multivariate_normal(np.zeros(6), A @ A.T, size=20000)
     offset = pose.T_world_object[:3, 3] - T[:3, 3]
@@ -59,24 +60,41 @@ def test_the_covariance_is_that_of_the_moved_origin(rng: np.random.Generator) ->
 
 def test_a_part_without_one_keeps_its_estimate() -> None:
     pose = estimate(np.eye(4))
-    assert EstimatorFrames(lambda _: Sidecar()).pose_of_mesh("part", pose) is pose
-
-    def bad(mesh_id: str) -> Sidecar:
-        raise MeshError("bad", ErrorCode.MESH_SIDECAR_INVALID)
-
-    assert EstimatorFrames(bad).pose_of_mesh("part", pose) is pose
+    frames = EstimatorFrames(lambda _: Sidecar(), lambda _: "v1")
+    assert frames.pose_of_mesh("part", pose) is pose
 
 
-def test_a_changed_file_is_seen_after_a_second(tmp_path: Path) -> None:
+def test_a_file_is_read_again_as_soon_as_it_has_changed(tmp_path: Path) -> None:
     (tmp_path / "part.stl").write_text("solid\n")
-    catalogue, now = MeshCatalogue([tmp_path]), [0.0]
-    frames = EstimatorFrames(catalogue.sidecar, lambda: now[0])
+    frames = EstimatorFrames(
+        MeshCatalogue([tmp_path]).sidecar, lambda name: fingerprint([tmp_path], name, 10_000)
+    )
     pose = estimate(np.eye(4))
     assert frames.pose_of_mesh("part", pose) is pose
     (tmp_path / "part.yaml").write_text(TEXT)
-    assert frames.pose_of_mesh("part", pose) is pose
-    now[0] = 1.5
-    assert frames.pose_of_mesh("part", pose) is not pose
+    offset = frames.pose_of_mesh("part", pose)
+    assert offset.T_world_object[1, 3] == pytest.approx(0.01, abs=1e-6)
+    # Half of it is there while it is written: that says nothing of the frame.
+    (tmp_path / "part.yaml").write_text(TEXT[:-10])
+    with pytest.raises(MeshError) as caught:
+        frames.pose_of_mesh("part", pose)
+    assert caught.value.code == ErrorCode.MESH_SIDECAR_INVALID
+    (tmp_path / "part.yaml").write_text(TEXT)
+    again = frames.pose_of_mesh("part", pose)
+    assert np.array_equal(again.T_world_object, offset.T_world_object)
+
+
+def test_a_file_that_stays_is_read_once() -> None:
+    read: list[str] = []
+
+    def sidecar(name: str) -> Sidecar:
+        read.append(name)
+        return SIDECAR
+
+    frames = EstimatorFrames(sidecar, lambda _: "v1")
+    for _ in range(3):
+        frames.pose_of_mesh("part", estimate(np.eye(4)))
+    assert read == ["part"]
 
 
 @pytest.mark.parametrize(
@@ -101,7 +119,7 @@ def test_of_equal_poses_one_is_taken_and_the_covariance_moves_with_it(
     rng: np.random.Generator,
 ) -> None:
     text = "symmetries: [{axis: [0, 0, 1], order: 4, point: [0.01, 0, 0]}]"
-    frames = EstimatorFrames(lambda _: parse_sidecar(text.encode(), "part.yaml"))
+    frames = EstimatorFrames(lambda _: parse_sidecar(text.encode(), "part.yaml"), lambda _: "v1")
     T = transform(Rotation.random(random_state=5).as_matrix(), rng.normal(size=3))
     about = transform(np.eye(3), [0.01, 0.0, 0.0])
     found = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
@@ -11,6 +13,7 @@ from gpis_grasp_planner.geometry.transforms import from_position_quat_xyzw
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.trials import TrialOutcome, Trials
 from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.hand.open_hand import JointCount
 from gpis_grasp_planner.quality.contacts import Contacts
 from gpis_grasp_planner.quality.figures import Quality
 from gpis_grasp_planner.ros.conversions import MeshVersion, grasp_message, pose_message
@@ -68,6 +71,19 @@ def test_message_and_back(grasp: Grasp, rng: np.random.Generator) -> None:
         ("nominal", True),
         ("slippery", False),
     ]
+
+
+def test_joints_go_out_as_the_urdf_counts_them_and_come_back(grasp: Grasp) -> None:
+    n = HAND.n_joints
+    count = JointCount(0.1 * np.arange(n), np.where(np.arange(n) % 2, -1.0, 1.0))
+    hand = replace(HAND, joint_count=count)
+    pose = ObjectPose(np.eye(4), "cell", stamp_ns=5, covariance=None, notes=())
+    message = grasp_message(grasp, MeshVersion("mug", "abc"), pose, hand)
+    np.testing.assert_allclose(message.grasp.position, count.zero + count.sense * grasp.joints)
+    stamped = PoseStamped(header=message.palm_pose.header, pose=pose_message(np.eye(4)))
+    back = seen_grasp(message, stamped, hand).grasp
+    np.testing.assert_allclose(back.joints, grasp.joints, atol=1e-15)
+    np.testing.assert_allclose(back.pregrasp_joints, grasp.pregrasp_joints, atol=1e-15)
 
 
 def test_another_hand_than_the_nodes_is_refused(grasp: Grasp) -> None:

@@ -105,10 +105,44 @@ def test_what_it_cannot_start_with_ends_in_one_line_and_code_2(arguments: str, s
     assert "Traceback" not in ended.stderr
 
 
+@pytest.mark.parametrize(
+    "error", ['RuntimeError("can\'t start new thread")', "OSError(24, 'Too many open files')"]
+)
+def test_limits_of_the_system_are_told_as_such(error: str) -> None:
+    code = (
+        "import sys; from gpis_grasp_planner.ros import node, worker; "
+        "from gpis_grasp_planner.ros.worker import supervisor\n"
+        f"def refuse(*_): raise {error}\n"
+        "supervisor.WorkerLink = refuse; sys.exit(node.main())"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT_S
+    )
+    assert ended.returncode == EXIT_CONFIGURATION
+    assert "Not started: the system refuses" in ended.stderr
+    assert "ulimit" in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
 def test_the_lifecycle_node_starts_with_the_same_checks() -> None:
     ended = run("--ros-args -p queue_sise:=2", "main_lifecycle")
     assert ended.returncode == EXIT_CONFIGURATION
     assert "queue_size" in ended.stderr
+
+
+def test_it_ends_though_a_thread_waits_for_a_disk_that_does_not_answer() -> None:
+    code = (
+        "import os, signal, sys, threading; from concurrent.futures import ThreadPoolExecutor; "
+        "from gpis_grasp_planner.ros import node; node.LEAVE_S = 0.2; "
+        "ThreadPoolExecutor(1).submit(threading.Event().wait); "
+        "node.insist_on_security = lambda: os.kill(os.getpid(), signal.SIGTERM); "
+        "sys.exit(node.main(['node']))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT_S
+    )
+    assert ended.returncode == 0
+    assert "Ended while a request still waited" in ended.stderr
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -90,7 +90,7 @@ def test_grasps_that_held_in_physics_are_ordered_by_how_likely_they_hold(
         assert trials.attempted
         assert trials.held
         # planned with the friction of the part's YAML file, so not tried with more
-        assert trials.tests_run[0] == "friction 0.4, 0.1 kg, mujoco"
+        assert trials.tests_run[0] == "friction 0.4 (palm 0.3), 0.1 kg, mujoco"
         assert trials.tests_passed[0] == trials.tests_run[0]
         assert set(trials.tests_passed) <= set(trials.tests_run)
         assert 0.0 <= trials.largest_slip < 0.03

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from real_node import real_node
@@ -159,6 +161,19 @@ def test_a_list_of_other_things_is_refused() -> None:
         pytest.raises(RequestError, match="list of texts"),
     ):
         NodeParameters(node)
+
+
+def test_a_node_starts_with_what_another_one_has(fresh: Any, tmp_path: Path) -> None:
+    """As `ros2 param dump` writes it: empty lists have no type in a file."""
+    node, _ = fresh
+    values = {name: node.get_parameter(name).value for name in INFOS}
+    assert [] in values.values()
+    plain = {n: list(v) if isinstance(v, tuple) else v for n, v in values.items()}
+    file = tmp_path / "dump.yaml"
+    file.write_text(yaml.dump({"/**": {"ros__parameters": plain}}))
+    with declared(f"--params-file {file}") as (again, parameters):
+        assert {name: again.get_parameter(name).value for name in INFOS} == values
+        assert parameters.node.mesh_directories == ()
 
 
 def test_parameters_of_others_on_the_node_are_none_of_its_business(fresh: Any) -> None:

@@ -1,59 +1,14 @@
-"""Calls whose clients went away."""
+"""The service plan_grasp and its clients."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import pytest
 from rclpy.node import Node
 from real_node import plain_node, real_node
 
 from gpis_grasp_msgs.srv import PlanGrasp
-from gpis_grasp_planner.ros.call import Call
-from gpis_grasp_planner.ros.plan_service import ClientWatch, PlanGraspService
-
-
-@pytest.mark.parametrize(
-    ("counts", "cancelled"),
-    [
-        ([1, 1, 1, 1], False),
-        ([1, 0, 0], True),
-        ([1, 0, 1, 0], False),  # only for a moment
-        ([0, 0, 0, 0], False),  # the middleware has not learned of the client yet
-        ([0, 0, 1, 0], False),
-        ([0, 0, 1, 0, 0], True),
-    ],
-)
-def test_a_call_is_cancelled_where_its_clients_were_seen_and_are_gone(
-    counts: list[int], cancelled: bool
-) -> None:
-    coming = iter(counts)
-    watch, call = ClientWatch(lambda: next(coming)), Call()
-    with watch.watched(call):
-        for _ in counts:
-            watch.look()
-        assert call.cancelled == cancelled
-
-
-def test_a_call_that_came_after_the_others_had_gone_is_left_alone() -> None:
-    count = 1
-    watch, first, second = ClientWatch(lambda: count), Call(), Call()
-    with watch.watched(first):
-        watch.look()
-        count = 0
-        watch.look()
-        with watch.watched(second):
-            watch.look()
-            assert first.cancelled
-            assert not second.cancelled
-
-
-def test_without_calls_nobody_is_counted() -> None:
-    watch = ClientWatch(lambda: 1 // 0)
-    watch.look()
-    with watch.watched(Call()):
-        pass
-    watch.look()
+from gpis_grasp_planner.ros.plan_service import PlanGraspService
 
 
 def test_clients_are_counted_under_the_names_after_remapping(tools: Any) -> None:
@@ -69,6 +24,6 @@ def test_clients_are_counted_under_the_names_after_remapping(tools: Any) -> None
     with real_node(make, "-r plan_grasp:=/line/plan") as node, plain_node("asking") as client:
         service = PlanGraspService(node, None, Requests())  # type: ignore[arg-type]
         client.create_client(PlanGrasp, "/line/plan")
-        tools.wait(lambda: service._watch._count_clients() == 1, "the renamed one's client")
+        tools.wait(lambda: service._watch.count_clients() == 1, "the renamed one's client")
         client.create_client(PlanGrasp, "/cell/get_grasps")
-        tools.wait(lambda: service._watch._count_clients() == 2, "the other one's")
+        tools.wait(lambda: service._watch.count_clients() == 2, "the other one's")

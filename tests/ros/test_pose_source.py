@@ -21,7 +21,7 @@ from gpis_grasp_planner.ros.estimator_frames import EstimatorFrames
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.settings import NodeSettings
 
-NO_FRAMES = EstimatorFrames(lambda _mesh_id: Sidecar())
+NO_FRAMES = EstimatorFrames(lambda _mesh_id: Sidecar(), lambda _mesh_id: "")
 
 
 class Log:
@@ -154,6 +154,9 @@ class Frames:
         self.asked: list[tuple[str, str, int]] = []
         self.on_frame: Callable[[str], None] = lambda _frame: None
 
+    def knows(self, _frame: str) -> bool:
+        return self.stamp_ns != 0
+
     def newest_stamp_ns(self, _frame: str) -> int | None:
         return self.stamp_ns
 
@@ -180,6 +183,23 @@ def test_a_parts_frame_on_tf_is_its_pose_at_the_time_it_was_seen(node: StandIn) 
     with pytest.raises(PoseError) as caught:
         poses.newest("sphere")
     assert caught.value.code == ErrorCode.NO_POSE_ESTIMATE
+
+
+def test_of_tf_and_a_topic_that_names_the_part_the_newer_one_counts(node: StandIn) -> None:
+    poses = PoseSource(node, lambda: TF, NO_FRAMES)  # type: ignore[arg-type]
+    frames = Frames(0)  # tf has not heard of the part's frame
+    poses.listen_to(frames)  # type: ignore[arg-type]
+    named = part("mug")
+    named.header.frame_id, named.header.stamp.sec = "camera", 10**9 - 2
+    send(node, named)
+    assert poses.newest("mug").frame_id == "camera"
+    assert frames.asked == []
+    frames.stamp_ns = 10**18 - 3 * 10**9
+    assert poses.newest("mug").frame_id == "camera"
+    frames.stamp_ns = 10**18 - 10**9
+    assert poses.newest("mug").frame_id == "base"
+    frames.stamp_ns = None  # a static frame is always of now
+    assert poses.newest("mug").frame_id == "base"
 
 
 def test_a_part_that_is_seen_on_tf_is_told_as_one_on_a_topic_is(node: StandIn) -> None:
@@ -263,7 +283,8 @@ def test_an_estimate_of_the_estimators_frame_is_told_as_the_pose_of_the_mesh(
     T_mesh_estimator = np.eye(4)
     T_mesh_estimator[:3, 3] = [0.0, 0.0, 0.05]
     frames = EstimatorFrames(
-        lambda mesh_id: Sidecar(T_mesh_estimator=T_mesh_estimator if mesh_id == "mug" else None)
+        lambda mesh_id: Sidecar(T_mesh_estimator=T_mesh_estimator if mesh_id == "mug" else None),
+        lambda _mesh_id: "",
     )
     poses = PoseSource(node, NodeSettings, frames)  # type: ignore[arg-type]
     send(node, part("mug"), part("flask"))

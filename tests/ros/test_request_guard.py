@@ -54,6 +54,24 @@ def test_a_good_pose_comes_through() -> None:
     assert pose.notes == ()
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"stamp_nanosec": 1},
+        {"frame_id": "cell"},
+        {"position": (0.1, -0.2, 0.3000001)},
+        {"covariance": tuple(np.diag([1e-6] * 6).ravel())},
+    ],
+)
+def test_one_estimate_is_told_from_the_next(changes: dict[str, object]) -> None:
+    pose = check_pose(GOOD, NOW_NS, STEADY_S, SETTINGS)
+    other = check_pose(replace(GOOD, **changes), NOW_NS, STEADY_S, SETTINGS)
+    assert pose.same_as(check_pose(GOOD, NOW_NS, STEADY_S, SETTINGS))
+    assert other.same_as(replace(other))
+    assert not pose.same_as(other)
+    assert not other.same_as(pose)
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("index", range(7))
 def test_every_number_must_be_finite(bad: float, index: int) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -157,6 +159,30 @@ def test_contacts_that_are_worth_little_get_less(
         search.step()
     n = sum(len(attempts) for attempts in hands_about_contacts)
     assert 0 < n < 0.1 * context.evaluator.n_attempts
+
+
+def test_without_force_closure_nothing_is_worth_anything(
+    hands_about_contacts, make_context, sphere, recording_evaluator
+):
+    """A flat part on a table: clear hands have a volume before the first of them is a grasp."""
+    settings = PlannerSettings.from_mapping(
+        {"contacts": {"share": 0.3}, "dual": {"second_stage_share": 0.0}}
+    )
+    evaluator = recording_evaluator(lambda T, _: np.full(len(T), -1.0))
+    context = make_context(sphere, settings=settings, evaluator=evaluator)
+    search = DualOptimiser(context)
+    closed = evaluator.attempt
+
+    def with_volume(T, preshape):
+        attempts = closed(T, preshape)
+        # of palms alone, which the first stage closes by whole charts
+        return replace(attempts, volume=np.where(len(T) > 40, 0.01, 0.0) * np.ones(len(T)))
+
+    evaluator.attempt = with_volume
+    while evaluator.n_attempts < 4000:
+        search.step()
+    n = sum(len(attempts) for attempts in hands_about_contacts)
+    assert n / evaluator.n_attempts == pytest.approx(0.3, abs=0.06)
 
 
 @pytest.mark.parametrize("tells", [False, True])

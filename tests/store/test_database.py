@@ -133,3 +133,9 @@ def test_a_folder_in_its_place_is_a_fault_with_a_way_out(tmp_path):
     (tmp_path / "grasps.sqlite").mkdir()
     with pytest.raises(StoreFault, match="GPIS_GRASP_STORE=off"):
         GraspStore(tmp_path / "grasps.sqlite").entries()
+
+
+def test_a_pipe_in_its_place_is_a_fault_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "grasps.sqlite")
+    with pytest.raises(StoreFault, match="no regular file"):
+        GraspStore(tmp_path / "grasps.sqlite").entries()

@@ -47,6 +47,21 @@ def test_where_the_engine_is_open_the_other_one_is_asked_too(bar: Part) -> None:
         assert {case.settings.engine for case in cases} == {engine}
 
 
+@pytest.mark.parametrize(
+    ("finger", "palm", "of_finger", "of_palm"),
+    [(0.3, 0.2, 0.3, 0.2), (1.0, 0.5, 0.6, 0.5), (0.2, 0.9, 0.2, 0.6), (1.0, 1.0, 0.6, 0.6)],
+)
+def test_the_palm_has_its_own_friction_where_that_is_less(
+    bar: Part, finger: float, palm: float, of_finger: float, of_palm: float
+) -> None:
+    cases = finalist_cases(bar, Friction(finger, palm), SETTINGS, seed=1)
+    for case in cases:
+        share = case.settings.palm_friction_share
+        assert share == pytest.approx(of_palm / of_finger)
+        assert (f"(palm {share * case.settings.friction:g})" in case.name) == (share != 1.0)
+    assert cases[0].settings.friction == of_finger
+
+
 def test_with_less_friction_than_the_settings_all_is_less(bar: Part) -> None:
     settings = replace(SETTINGS, draws=50)
     cases = finalist_cases(bar, Friction(0.2, 0.9), settings, seed=1)
@@ -93,12 +108,21 @@ def test_displacements_have_the_covariance_of_the_pose(bar: Part, seed: int) -> 
 
 
 def test_any_first_points_are_spread(seed: int) -> None:
+    """In every axis: the first one, friction, once fell from draw to draw by a twelfth."""
     points = spread_points(64, 8, np.random.default_rng(seed))
     assert ((points > 0.0) & (points < 1.0)).all()
-    for n in (6, 12, 24):
-        # At random some n / e of n intervals stay empty, here fewer.
-        filled = [len(np.unique((n * column).astype(int))) for column in points[:n].T]
-        assert np.mean(filled) > 0.75 * n
+    for n in (2, 4, 8, 16, 32, 64):
+        for column in points[:n].T:
+            assert sorted((n * column).astype(int)) == list(range(n))
+    assert np.array_equal(spread_points(12, 8, np.random.default_rng(seed)), points[:12])
+
+
+def test_every_single_point_is_uniform_and_its_axes_are_independent(seed: int) -> None:
+    drawn = np.stack([spread_points(6, 8, np.random.default_rng([seed, k])) for k in range(2000)])
+    for k in range(6):
+        assert np.abs(np.corrcoef(drawn[:, k].T) - np.eye(8)).max() < 0.12
+        for column in drawn[:, k].T:
+            assert kstest(column, "uniform").statistic < 0.06
 
 
 def test_a_part_beyond_the_payload_is_tried_with_the_protocols_mass(bar: Part) -> None:

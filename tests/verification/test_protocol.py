@@ -142,6 +142,34 @@ def test_the_bar_slips_along_when_friction_is_used_up(
     assert results == {0.75: [True, True], beyond: [False, False]}
 
 
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_a_smooth_palm_holds_nothing_along_the_bar(
+    engine: str, bar: Part, hand: HandDescription, firm: Grasp
+) -> None:
+    """A push between what the fingers' friction holds and what theirs and the palm's would hold."""
+    rough = VerificationSettings(friction=0.3, engine=engine, mass_kg=4.0)
+    with Verifier(bar, hand, rough) as verifier:
+        [world] = verifier.worlds
+        assert verifier.close_on(world, firm.T_object_palm, firm)
+        world.release()
+        pressed = {"palm": 0.0, "finger": 0.0}
+        for contact in world.contacts():
+            pressed[hand.link_friction_group[contact.link]] += contact.force_n
+    capacity = rough.friction * pressed["finger"]
+    beyond = 1.1 * rough.holding_force_n / rough.tip_force_n
+    assert beyond * capacity < 0.95 * rough.friction * sum(pressed.values())
+    results = {}
+    for share, palm in ((0.75, 0.0), (beyond, 0.0), (beyond, 1.0)):
+        pushed = replace(rough, acceleration_m_s2=share * capacity / 4.0, palm_friction_share=palm)
+        [verdict] = verify(bar, hand, [firm], pushed, stop_at_failure=False)
+        results[share, palm] = [d.held for d in verdict.directions if abs(d.direction[0]) == 1.0]
+    assert results == {
+        (0.75, 0.0): [True, True],
+        (beyond, 0.0): [False, False],
+        (beyond, 1.0): [True, True],
+    }
+
+
 def test_every_direction_starts_afresh(bar: Part, hand: HandDescription, firm: Grasp) -> None:
     """A second run in the same world and a run in a new one say the same."""
     settings = VerificationSettings(friction=0.1)
@@ -174,3 +202,13 @@ def test_an_error_in_a_child_is_raised(bar: Part, hand: HandDescription, firm: G
 def test_a_part_is_prepared_once(bar: Part) -> None:
     settings = VerificationSettings()
     assert prepare(bar, settings) is prepare(bar, replace(settings, friction=0.3))
+
+
+def test_a_part_that_is_simplified_otherwise_is_prepared_anew(make_box: BoxMaker) -> None:
+    """Pieces are found by the numbers of the simplified mesh's faces."""
+    part, settings = make_box(0.04, 0.04, 0.04), VerificationSettings()
+    coarse = make_box(0.041, 0.04, 0.04).mesh
+    prepare(part, settings)
+    other = prepare(replace(part, simplified=coarse), settings)
+    assert other is prepare(replace(part, simplified=coarse), settings)
+    assert other is not prepare(part, settings)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,8 +11,11 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from gpis_grasp_planner.geometry.transforms import apply
+from gpis_grasp_planner.grasp.constrained_evaluator import ConstrainedEvaluator
 from gpis_grasp_planner.grasp.evaluator import AttemptStatus
 from gpis_grasp_planner.search.contacts.contact_first import ContactFirst, fitted, turned_onto
+from gpis_grasp_planner.surroundings.obstacles import SupportPlane
+from gpis_grasp_planner.surroundings.support_constraint import SupportConstraint
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +110,37 @@ def test_grips_that_are_worth_something_are_drawn_more_often(rod, make_context):
         return np.mean(np.concatenate(spreads[15:]) % 9 < 3)
 
     assert share_from_side(True) > 1.3 * share_from_side(False)
+
+
+def test_what_has_a_volume_and_is_no_grasp_teaches_nothing(rod, make_context):
+    context = make_context(rod, seed=1)
+    closed = context.evaluator.attempt
+
+    def loose(T_object_palm, preshape):
+        made = closed(T_object_palm, preshape)
+        return replace(made, epsilon=np.full(len(made), -1.0), volume=np.ones(len(made)))
+
+    context.evaluator.attempt = loose
+    search = ContactFirst(context)
+    attempts, _ = search.attempt(8)
+    assert attempts.objective(context.objective).max() > 0.0
+    assert search._tried.sum() == len(attempts)
+    assert search._worth.sum() == 0.0
+
+
+def test_a_flat_part_on_a_table_gets_as_many_hands_as_a_floating_one(make_context, oracle, planner):
+    """Of its sets a few in a hundred have hands above the table: more are drawn."""
+    slab = oracle.make_part("slab", trimesh.creation.box(extents=(0.07, 0.023, 0.014)))
+    table = SupportPlane(np.array([0.0, 0.0, -0.007]), np.array([0.0, 0.0, 1.0]))
+    retreat = planner.settings.scene.retreat_m
+    constraints = (SupportConstraint(planner.hand, table, 0.003, retreat),)
+    context = make_context(slab, seed=0)
+    evaluator = ConstrainedEvaluator(context.evaluator, planner.hand, constraints, retreat)
+    context = replace(context, evaluator=evaluator, constraints=constraints)
+    search = ContactFirst(context)
+    wanted = 8 * context.settings.contacts.n_seed
+    made = [len(search.attempt(8)[0]) for _ in range(5)]
+    assert np.mean(made) > 0.6 * wanted
 
 
 def test_a_part_wider_than_the_hand_has_no_set(make_context, oracle):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gpis_grasp_planner.hand.description import load_hand
+from gpis_grasp_planner.hand.description import DesiredContacts, load_hand
 from gpis_grasp_planner.hand.drive import reachable
+from gpis_grasp_planner.hand.kinematics import link_transforms
 from gpis_grasp_planner.search.contacts.grips import pinches, triads, triangle_sides
 
 SPREAD_MAX = np.pi
@@ -94,6 +97,19 @@ def test_a_triad_has_its_fingers_places(hand, places_of, rng):
         there = places_of(table.joints[row])
         for place in np.hstack([table.points[row], table.normals[row]]):
             assert np.abs(there - place).max(axis=1).min() < 1e-9
+
+
+def test_a_finger_with_one_place_is_in_the_triads_by_it():
+    barrett = load_hand()
+    wanted, outermost = barrett.desired_contacts, barrett.fingers[2].distal_link
+    others = ~np.isin(wanted.links, barrett.fingers[2].links)
+    kept = others | (np.arange(len(others)) == np.flatnonzero(wanted.links == outermost)[-1])
+    few = DesiredContacts(wanted.links[kept], wanted.points[kept], wanted.normals[kept])
+    table = triads(replace(barrett, desired_contacts=few), 60.0)
+    T = link_transforms(barrett, table.joints)[:, outermost]
+    [point] = few.points[few.links == outermost]
+    expected = (T[:, :3, :3] @ point) + T[:, :3, 3]
+    assert_allclose(table.points[:, 2], expected, atol=1e-9)
 
 
 def test_a_triad_is_found_by_its_sides(hand, rng):

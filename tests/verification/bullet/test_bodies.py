@@ -13,6 +13,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.geometry.transforms import transform
 from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.hand.kinematics import link_transforms
+from gpis_grasp_planner.hand.link_mesh import convex_hull
 from gpis_grasp_planner.scene.bullet_world import bullet_client
 from gpis_grasp_planner.verification.bullet.bodies import (
     LINK_MARGIN_M,
@@ -33,6 +34,16 @@ def test_an_inset_polytope_has_its_faces_further_in(hand: HandDescription) -> No
             assert (height <= -LINK_MARGIN_M + 1e-9).all()
             # every large face is kept
             assert np.quantile(height, 0.9) > -LINK_MARGIN_M - 1e-4
+
+
+@pytest.mark.parametrize("thickness", [0.002, 0.0015, 0.0004])
+def test_a_piece_thinner_than_two_margins_keeps_a_tenth_of_its_thickness(thickness: float) -> None:
+    half = 0.5 * np.array([0.02, 0.03, thickness])
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = inset(convex_hull(signs * half), 0.001)
+    moved = 0.9 * half[2]
+    np.testing.assert_allclose(np.ptp(corners, axis=0), 2.0 * (half - moved), atol=4e-5)
+    assert ConvexHull(corners).volume > 0.0
 
 
 def test_inertia_of_a_box(make_box: Callable[..., Part]) -> None:

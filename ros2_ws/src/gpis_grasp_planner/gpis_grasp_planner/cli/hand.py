@@ -73,7 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{hand.name}: {hand.urdf_path}")
     print("joints [rad, sliding ones m]:")
     for joint in facts["joints"]:
-        print(f"  {joint['name']:<16} {joint['lower']:.4f} to {joint['upper']:.4f}")
+        at = f", open at {joint['open']:.4f}" if joint["open"] else ""
+        print(f"  {joint['name']:<16} {joint['lower']:.4f} to {joint['upper']:.4f}{at}")
     print("links (friction of):")
     for link in facts["links"]:
         print(f"  {link['name']:<26} {link['friction_group']}")
@@ -100,7 +101,10 @@ def _refuse_what_is_not_used(arguments: argparse.Namespace) -> None:
 
 
 def facts_of(hand: HandDescription) -> dict[str, Any]:
-    """What 'hand --json' prints."""
+    """What 'hand --json' prints; joints as the URDF counts them."""
+    import numpy as np
+
+    ends = hand.joint_count.of_urdf(np.stack([hand.joint_lower, hand.joint_upper]))
     return {
         "name": hand.name,
         "urdf": str(hand.urdf_path),
@@ -111,13 +115,15 @@ def facts_of(hand: HandDescription) -> dict[str, Any]:
                 "type": "prismatic" if slides else "revolute",
                 "lower": float(low),
                 "upper": float(high),
+                "open": float(zero),
                 "velocity": float(speed),
             }
-            for name, slides, low, high, speed in zip(
+            for name, slides, low, high, zero, speed in zip(
                 hand.joint_names,
                 hand.joint_slides,
-                hand.joint_lower,
-                hand.joint_upper,
+                ends.min(axis=0),
+                ends.max(axis=0),
+                hand.joint_count.zero,
                 hand.joint_velocity,
                 strict=True,
             )
@@ -157,6 +163,9 @@ def _check(hand: HandDescription, *, as_json: bool) -> int:
         f"{', '.join(hand.preshape.names) or 'none'}, {hand.n_links} links with "
         f"{sum(map(len, hand.link_collision))} convex pieces."
     )
+    for name, back in zip(hand.joint_names, hand.joint_back, strict=True):
+        if back < 0.0:
+            print(f"  Joint '{name}' could go {-back:g} beyond where the open hand has it.")
     return SUCCESS
 
 

@@ -38,6 +38,7 @@ def faults_of(hand: HandDescription) -> list[str]:
         *_contact_faults(hand),
         *_mass_faults(hand),
         *_motor_faults(hand),
+        *_mimic_faults(hand),
         *_closing_faults(hand),
     ]
 
@@ -135,6 +136,22 @@ def _motor_faults(hand: HandDescription) -> list[str]:
                 f"table its joints do at {ends:.4f}; set its motor_upper to that."
             )
     return faults
+
+
+def _mimic_faults(hand: HandDescription) -> list[str]:
+    """Joints that the URDF couples for good, and that closing moves on by themselves."""
+    if hand.drive.breakaway_torque > 0.0 or hand.drive.advances_at_stop:
+        return []
+    names = hand.joint_names
+    return [
+        f"The URDF says that joint '{names[joint]}' always follows '{names[mimic[0]]}', but "
+        "closing moves it on alone where a link before it is held: finger "
+        f"'{finger.name}' may be asked for postures that the real one cannot reach. If a clutch or "
+        "a spring frees it, give 'breakaway_torque'; if not, make the joint fixed in the URDF."
+        for finger in hand.fingers
+        for joint in finger.joints
+        if (mimic := hand.joint_mimic[joint]) is not None and mimic[0] in finger.joints
+    ]
 
 
 def _closing_faults(hand: HandDescription) -> list[str]:

@@ -18,14 +18,15 @@ import yaml
 from numpy.typing import NDArray
 
 from gpis_grasp_planner.errors import RequestError
-from gpis_grasp_planner.hand.drive_train import Drive, read_drive
+from gpis_grasp_planner.hand.drive_train import Drive, read_drive, rounded_limits
 from gpis_grasp_planner.hand.finger import Finger, read_finger
 from gpis_grasp_planner.hand.mimic import check_mimic
+from gpis_grasp_planner.hand.open_hand import JointCount, counted_from_open, read_joint_count
 from gpis_grasp_planner.hand.pads import pad_of_palm, pads_of_link
 from gpis_grasp_planner.hand.palm_turn import palm_turn
 from gpis_grasp_planner.hand.preshape import SLIDING_LEVER_M, Preshape, read_preshape
 from gpis_grasp_planner.hand.settings import DEFAULT_HAND
-from gpis_grasp_planner.hand.structure import check_structure
+from gpis_grasp_planner.hand.structure import check_joints, check_structure
 from gpis_grasp_planner.hand.urdf import UrdfTree, collision_meshes, read_urdf, with_mesh_uris
 
 Array = NDArray[np.float64]
@@ -62,6 +63,11 @@ class HandDescription(UrdfTree):
         The root link; its frame, turned, is the palm frame P of ``docs/frames.md``.
     palm_turn : (3, 3) array
         Turns directions in the URDF's root link to the palm frame, whose z is out of the palm.
+    joint_count : JointCount
+        How the URDF counts the joints, and with it messages and documents (`hand.open_hand`).
+    joint_back : (J,) array [rad or m]
+        How far a joint that closes could go back beyond 0, where the open hand is; 0 or less. That
+        part of its range is not used: `joint_lower` is 0.
     link_friction_group : tuple of str
         "palm" or "finger" per link.
     preshape : Preshape
@@ -80,6 +86,8 @@ class HandDescription(UrdfTree):
     urdf_path: Path
     palm_link: str
     palm_turn: Array
+    joint_count: JointCount
+    joint_back: Array
     link_friction_group: tuple[str, ...]
     preshape: Preshape
     fingers: tuple[Finger, ...]
@@ -212,12 +220,24 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
             f"'palm_friction_links' of '{path}' names {unknown}, which the URDF does not have; it "
             f"has {', '.join(tree.link_names)}."
         )
+    count = read_joint_count(tree, data["fingers"])
+    tree = counted_from_open(tree, count)
     fingers = tuple(read_finger(tree, entry, data["drive"]) for entry in data["fingers"])
     closing = [joint for finger in fingers for joint in finger.joints]
     preshape = read_preshape(data.get("preshape", ()), tree.joint_names, tree.joint_slides, closing)
     drive = read_drive(data["drive"], [finger.closing_ratio for finger in fingers])
+    lower = tree.joint_lower.copy()
+    begins = [j for j in closing if lower[j] < 0.0 < tree.joint_upper[j]]
+    lower[begins] = 0.0
+    upper = tree.joint_upper.copy()
+    for finger, motor in zip(fingers, drive.motor_upper, strict=False):
+        own = list(finger.joints)
+        upper[own] = rounded_limits(finger.closing_ratio, upper[own], float(motor))
+    ends = {"joint_lower": lower, "joint_upper": upper}
     hand = HandDescription(
-        **{f.name: getattr(tree, f.name) for f in fields(UrdfTree)},
+        **{f.name: getattr(tree, f.name) for f in fields(UrdfTree)} | ends,
+        joint_count=count,
+        joint_back=tree.joint_lower - lower,
         name=name,
         yaml_path=path,
         urdf_path=urdf_path,
@@ -234,10 +254,11 @@ def _described(name: str, path: Path, data: Mapping[str, Any]) -> HandDescriptio
         contact_patches=bool(data.get("contact_patches", False)),
         digest=_digest(path, urdf_path, *collision_meshes(urdf_path)),
     )
+    check_joints(hand)
     check_mimic(tree, hand.preshape, fingers, hand.drive)
     check_structure(hand)
     parts = (hand, hand.preshape, *fingers, hand.drive, hand.eigengrasps, hand.desired_contacts)
-    for part in parts:
+    for part in (*parts, hand.joint_count):
         _freeze(part)
     return hand
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from gpis_grasp_planner.errors import RequestError
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-6
+_ROUNDING = 1e-3  # of a limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +132,8 @@ def closing_table(data: Mapping[str, Any], own: Mapping[str, Any], n_links: int)
         if (table < 0.0).any() or np.tril(table, -1).any() or (np.diag(table) != 1.0).any():
             raise RequestError(
                 "Row h of 'closing_rows' must have 0 for the joints before h, 1 for joint h, and "
-                f"0 or more for those after it; it is {table.tolist()}."
+                f"0 or more for those after it; it is {table.tolist()}. Joints are counted the way "
+                "they close: 'closes_towards' turns one that goes back."
             )
     elif "motor_to_distal" in data:
         table[0, 1:] = data["motor_to_inner"] / data["motor_to_distal"]
@@ -163,16 +165,33 @@ def check_limits(name: str, table: Array, upper: Array, motor: float) -> None:
     ------
     RequestError
     """
-    # while joint h leads it, and links before are held anywhere
+    for h, k, reached in _reached(table, upper, motor):
+        if reached > upper[k] + _TOLERANCE:
+            raise RequestError(
+                f"By row {h + 1} of the closing table of {name} joint {k + 1} would go to "
+                f"{reached:.6g}, but its stop is at {upper[k]:.6g}; lower its ratio or raise "
+                "its limit."
+            )
+
+
+def rounded_limits(table: Array, upper: Array, motor: float) -> Array:
+    """Upper limits (n,) of a finger's joints, a few digits of rounding in the URDF made good.
+
+    Makers give ratios and limits to some digits, by which a joint that follows another stops up to
+    a thousandth before that does. Parameters as of :func:`check_limits`.
+    """
+    limits = np.array(upper, dtype=float)
+    for _, k, reached in _reached(table, upper, motor):
+        if upper[k] + _TOLERANCE < reached <= upper[k] * (1.0 + _ROUNDING):
+            limits[k] = max(limits[k], reached)
+    return limits
+
+
+def _reached(table: Array, upper: Array, motor: float) -> Iterator[tuple[int, int, float]]:
+    """Row h, joint k after it, and how far that comes, wherever the links before are held."""
     for h in range(len(table)):
         for k in range(h + 1, len(table)):
-            reached = _farthest(table[: h + 1], upper, motor * table[0].sum(), k)
-            if reached > upper[k] + _TOLERANCE:
-                raise RequestError(
-                    f"By row {h + 1} of the closing table of {name} joint {k + 1} would go to "
-                    f"{reached:.4f}, but its stop is at {upper[k]:.4f}; lower its ratio or raise "
-                    "its limit."
-                )
+            yield h, k, _farthest(table[: h + 1], upper, motor * table[0].sum(), k)
 
 
 def _farthest(rows: Array, upper: Array, travel: float, k: int) -> float:

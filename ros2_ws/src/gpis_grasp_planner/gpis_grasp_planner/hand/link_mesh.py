@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 # Of a piece at most. The compiled loops place a piece into room for so many.
 MOST_CORNERS = 256
+_NEARLY = 0.7  # of the way of the farthest point
 _STL_HEADER_BYTES = 80
 _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -38,9 +39,10 @@ def fewest_vertices(points: Array, tolerance: float, most: int | None = None) ->
 
     Or `most` of them, if that is fewer.
 
-    Greedy, from the extremes along the axes: the point farthest outside comes next. Where Qhull
-    cannot grow a hull (many points on one plane) all its corners are kept, or the farthest in
-    `most` even directions.
+    Greedy, from the extremes along the axes: the point farthest outside comes next. Where there is
+    a limit, and with it thousands of points, those nearly as far outside of other faces come with
+    it: a hull of 256 of 6,000 corners takes 10 ms, not 0.6 s. Where Qhull cannot grow a hull (many
+    points on one plane) all its corners are kept, or the farthest in `most` even directions.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -48,14 +50,19 @@ def fewest_vertices(points: Array, tolerance: float, most: int | None = None) ->
     chosen = list(dict.fromkeys(np.argmax(points @ axes.T, axis=0).tolist()))
     try:
         hull = ConvexHull(points[chosen], incremental=True)
+        left = np.arange(len(points))
         while True:
-            outside = points @ hull.equations[:, :3].T + hull.equations[:, 3]
-            farthest = outside.max(axis=1)
-            index = int(np.argmax(farthest))
-            if farthest[index] <= tolerance or len(chosen) == most:
+            outside = points[left] @ hull.equations[:, :3].T + hull.equations[:, 3]
+            face, farthest = outside.argmax(axis=1), outside.max(axis=1)
+            if farthest.max(initial=0.0) <= tolerance or len(chosen) == most:
                 return np.asarray(points[chosen])
-            chosen.append(index)
-            hull.add_points(points[[index]])
+            order = np.argsort(-farthest, kind="stable")
+            order = order[farthest[order] > max(tolerance, _NEARLY * farthest[order[0]])]
+            order = order[np.sort(np.unique(face[order], return_index=True)[1])]
+            new = left[order][: 1 if most is None else most - len(chosen)]
+            chosen += new.tolist()
+            hull.add_points(points[new])
+            left = left[farthest > tolerance]  # the hull grows: who is inside of it stays inside
     except QhullError:
         kept = ConvexHull(points, qhull_options="QJ").vertices
         if most is not None and len(kept) > most:

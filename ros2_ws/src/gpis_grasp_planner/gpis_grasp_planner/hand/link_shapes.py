@@ -108,8 +108,12 @@ def mesh_path(urdf_path: Path, name: str) -> Path:
     )
 
 
-def read_link_mesh(path: Path) -> TriangleMesh:
+def read_link_mesh(path: Path, *, solid: bool = True) -> TriangleMesh:
     """A mesh file in its own numbers, which URDF takes as metres; equal corners are one.
+
+    A file that may have been cut off (many writers of OBJ put no newline at the end) is whole
+    where its surface is closed, and an OBJ file, whose faces come last, where they use all of its
+    vertices. For one that is only looked at (not `solid`) that is no matter.
 
     Raises
     ------
@@ -131,16 +135,24 @@ def read_link_mesh(path: Path) -> TriangleMesh:
             ErrorCode.MESH_UNREADABLE,
         ) from error
     parsed = READERS[suffix](data, path.name, _MOST_FACES)
-    if parsed.doubt:
-        raise MeshError(
-            f"Link mesh '{path}' is probably not whole: {parsed.doubt}. Export it again.",
-            ErrorCode.MESH_UNREADABLE,
-        )
     corners = parsed.vertices[parsed.faces.ravel()]
     vertices, merged = np.unique(corners, axis=0, return_inverse=True)
     faces = merged.reshape(-1, 3).astype(np.int32)
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # not a line or a point
-    return TriangleMesh(vertices, faces[whole])
+    mesh = TriangleMesh(vertices, faces[whole])
+    all_used = suffix == ".obj" and len(np.unique(parsed.faces)) == len(parsed.vertices)
+    if solid and parsed.doubt and not all_used and not _is_closed(mesh):
+        raise MeshError(
+            f"Link mesh '{path}' is probably not whole: {parsed.doubt}, and its surface is open. "
+            "Export it again, or close it.",
+            ErrorCode.MESH_UNREADABLE,
+        )
+    return mesh
+
+
+def _is_closed(mesh: TriangleMesh) -> bool:
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
 def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None) -> TriangleMesh:
@@ -148,7 +160,7 @@ def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None)
     shape = given[0] if given else ET.Element("nothing")
     if shape.tag == "mesh":
         return _scaled(
-            read_link_mesh(mesh_path(path, shape.get("filename", ""))),
+            read_link_mesh(mesh_path(path, shape.get("filename", "")), solid=kind == "collision"),
             numbers(shape.get("scale", "1 1 1")),
         )
     if shape.tag == "box":
@@ -178,8 +190,7 @@ def _solid(mesh: TriangleMesh, hulls: bool, where: str) -> TriangleMesh:
             f"a hand have {MOST_CORNERS} at most. Divide it into convex pieces, or take the "
             "convex hull of every shape by 'collision_hulls: true' in the hand's YAML file."
         )
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+    if not _is_closed(mesh):
         raise RequestError(
             f"A collision shape of {where} is not closed. Close it, or take the convex hull of "
             "every shape by 'collision_hulls: true' in the hand's YAML file."

@@ -16,6 +16,7 @@ from gpis_grasp_planner.hand.preshape import Preshape
 from gpis_grasp_planner.hand.urdf import UrdfTree
 
 _TOLERANCE = 1e-3
+_SAME_PLACE = 1e-6  # of the open hand [rad or m]
 
 
 def check_mimic(
@@ -34,8 +35,11 @@ def check_mimic(
         master, multiplier, offset = mimic
         name, other = tree.joint_names[joint], tree.joint_names[master]
         said = f"The URDF says that joint '{name}' follows '{other}' times {multiplier:g}"
-        if offset != 0.0:
-            raise RequestError(f"{said}, with an offset of {offset:g}; only 0 is known.")
+        if abs(offset) > _SAME_PLACE:
+            raise RequestError(
+                f"{said}, but the open hand has it {offset:g} from there. Leave its 'open_deg' or "
+                "'open_mm' out, which is found from the <mimic> then, or make it agree."
+            )
         own, of_other = finger_of.get(joint), finger_of.get(master)
         if own is None and of_other is None:
             gains = preshape.gain[:, [list(preshape.joints).index(j) for j in (joint, master)]]
@@ -47,13 +51,15 @@ def check_mimic(
         elif own is None or of_other is None:
             raise RequestError(
                 f"{said}, but only one of them closes by the description. Name '{name}' among the "
-                "joints of the finger."
+                "joints of the finger if it hangs on that; a bar beside a finger, of a parallel "
+                "linkage, is not known: take it out of the URDF, its shapes fixed to the palm."
             )
         elif own is not of_other:
             if not (drive.coupled and multiplier == 1.0):
                 raise RequestError(
                     f"{said}, a joint of another finger. Fingers that are coupled are known as two "
-                    "jaws that slide alike ('drive: coupled')."
+                    "jaws that slide alike ('drive: coupled'); for others take the <mimic> out of "
+                    "the URDF, if each may close by itself until it touches."
                 )
         else:
             row = own.closing_ratio[0]

@@ -17,6 +17,27 @@ if TYPE_CHECKING:
 _SAME_TRAVEL_M = 1e-6  # of two jaws
 
 
+def check_joints(hand: HandDescription) -> None:
+    """Refuse joints that close from elsewhere than 0, or the other way.
+
+    Raises
+    ------
+    RequestError
+        With the joint and its limits.
+    """
+    for finger in hand.fingers:
+        for joint in finger.joints:
+            lower, upper = float(hand.joint_lower[joint]), float(hand.joint_upper[joint])
+            if lower != 0.0 or not upper > 0.0:
+                raise RequestError(
+                    f"Joint '{hand.joint_names[joint]}' of finger '{finger.name}' of "
+                    f"'{hand.name}' goes from {lower:g} to {upper:g}, counted from the open hand "
+                    f"the way it closes; 0 must be between. The URDF's value in the open hand is "
+                    f"taken as {hand.joint_count.zero[joint]:g}: give the finger 'open_deg' or "
+                    "'open_mm', and 'closes_towards' where it closes the other way."
+                )
+
+
 def check_structure(hand: HandDescription) -> None:
     """Refuse what the closing does not know (docs/decisions/hands.md).
 
@@ -32,11 +53,6 @@ def check_structure(hand: HandDescription) -> None:
             raise RequestError(
                 f"Finger '{finger.name}' of '{hand.name}' has a sliding joint among "
                 f"{len(finger.joints)}; a finger that slides has that one joint only."
-            )
-        if (hand.joint_lower[list(finger.joints)] != 0.0).any():
-            raise RequestError(
-                f"A joint of finger '{finger.name}' of '{hand.name}' does not begin at 0, where "
-                "the open hand is; shift the joint's origin in the URDF."
             )
     n_motors = len(hand.fingers)
     if len(hand.drive.motor_upper) != n_motors or len(hand.drive.motor_names) != n_motors:
@@ -83,7 +99,8 @@ def _check_chains(hand: HandDescription) -> None:
             raise RequestError(
                 f"Link '{hand.link_names[link]}' of '{hand.name}' hangs on "
                 f"'{hand.link_names[parent]}'; the links of a finger hang on each other, from the "
-                "palm outwards, and carry nothing else that moves."
+                "palm outwards, and carry nothing else that moves. A joint among them that shall "
+                "stay where it is can be 'fixed' in the URDF."
             )
     for name, pieces in zip(hand.link_names, hand.link_collision, strict=True):
         if not pieces:

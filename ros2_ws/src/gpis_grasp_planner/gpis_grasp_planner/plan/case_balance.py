@@ -65,7 +65,7 @@ class CaseBalance:
                     CompiledEvaluator(
                         hand,
                         part,
-                        Friction(case.settings.friction, case.settings.friction),
+                        _friction(case),
                         settings.scene,
                         prepared.field,
                         prepared.tree,
@@ -117,6 +117,11 @@ class CaseBalance:
             else:
                 found.append(float(balance_factor(closed.imbalance)[0]))
         return found
+
+
+def _friction(case: TrialCase) -> Friction:
+    of_fingers = case.settings.friction
+    return Friction(of_fingers, case.settings.palm_friction_share * of_fingers)
 
 
 def _key(T_object_palm: Array, pregrasp_joints: Array) -> bytes:

@@ -8,7 +8,6 @@ and the centre of mass are in the mesh file's own frame. ``docs/document.md`` li
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -108,6 +107,10 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
         "friction": {"finger": result.friction.finger, "palm": result.friction.palm},
         "hand": result.hand,
         "joint_names": list(result.joint_names),
+        "open_hand": {
+            "zero": _numbers(result.joint_count.zero),
+            "sense": _numbers(result.joint_count.sense),
+        },
         "link_names": list(result.link_names),
         "objective": result.objective,
         "figures": [asdict(figure) for figure in result.figures],
@@ -138,10 +141,8 @@ def document_of(result: PlanResult, mesh_source: MeshSource | None = None) -> di
         ],
         "notes": list(result.notes),
         "place": result.place,
-        "grasps": [_grasp(g, result.joint_names, result.link_names) for g in result.grasps],
-        "best_attempt": None
-        if best is None
-        else _grasp(best, result.joint_names, result.link_names),
+        "grasps": [_grasp(g, result) for g in result.grasps],
+        "best_attempt": None if best is None else _grasp(best, result),
     }
 
 
@@ -193,14 +194,15 @@ def check_same_mesh(result: PlanResult, part: Part) -> None:
         )
 
 
-def _grasp(grasp: Grasp, joint_names: Sequence[str], link_names: Sequence[str]) -> dict[str, Any]:
+def _grasp(grasp: Grasp, result: PlanResult) -> dict[str, Any]:
+    of_urdf, link_names = result.joint_count.of_urdf, result.link_names
     position, quat_xyzw = to_position_quat_xyzw(grasp.T_object_palm)
     contacts = grasp.contacts
     return {
         "palm_pose": {"position": _numbers(position), "orientation_xyzw": _numbers(quat_xyzw)},
-        "joint_names": list(joint_names),
-        "joint_positions": _numbers(grasp.joints),
-        "pregrasp_joint_positions": _numbers(grasp.pregrasp_joints),
+        "joint_names": list(result.joint_names),
+        "joint_positions": _numbers(of_urdf(grasp.joints)),
+        "pregrasp_joint_positions": _numbers(of_urdf(grasp.pregrasp_joints)),
         "approach_direction": _numbers(grasp.approach_direction),
         "approach_distance": float(grasp.approach_distance),
         "contacts": [

@@ -24,7 +24,9 @@ from gpis_grasp_planner.grasp.funnel import Funnel, Step
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.trials import HoldEstimate, TrialOutcome, Trials
+from gpis_grasp_planner.hand.open_hand import JointCount
 from gpis_grasp_planner.plan.document_contacts import read_contacts
+from gpis_grasp_planner.plan.document_joints import read_joint_count
 from gpis_grasp_planner.plan.json_node import Node
 from gpis_grasp_planner.plan.request import PlanRequest, PlanResult
 from gpis_grasp_planner.quality.figures import ALWAYS, Figure, Quality
@@ -43,13 +45,13 @@ _FIELDS = frozenset(
         "planner", "seed", "time_budget_s", "n_grasps", "max_evaluations", "verification",
         "settings", "elapsed_s", "n_evaluations", "convergence", "notes", "place", "grasps",
         "best_attempt", "approach", "forbidden", "phase_s", "funnel", "objective", "figures",
-        "lost_palms",
+        "lost_palms", "open_hand",
     )
 ) | set(_TEXT_ONLY)  # fmt: skip
 # What earlier programs did not write.
 _LATER: dict[str, Any] = {
     "approach": None, "forbidden": [], "phase_s": {}, "funnel": [], "objective": "",
-    "lost_palms": [],
+    "lost_palms": [], "open_hand": None,
     "figures": [asdict(figure) for figure in ALWAYS],
 }  # fmt: skip
 _LATER_OF_GRASPS: dict[str, Any] = {
@@ -144,12 +146,13 @@ def result_from_dict(
     if len(mesh_hash) != 64 or not set(mesh_hash) <= set("0123456789abcdef"):
         raise root["mesh_hash"].fail("a SHA-256 as 64 hexadecimal digits")
     joint_names, link_names = root["joint_names"].texts(), root["link_names"].texts()
+    count = read_joint_count(root["open_hand"], len(joint_names))
 
     figures = tuple(_figure(node) for node in root["figures"].list())
     known = {figure.name for figure in figures}
 
     def read_grasp(node: Node) -> Grasp:
-        grasp = _grasp(node, joint_names, link_names)
+        grasp = _grasp(node, joint_names, count, link_names)
         if unknown := sorted(set(grasp.quality.measured) - known):
             raise node.fail(f"of figures that the document's 'figures' name, not {unknown}")
         return grasp
@@ -170,6 +173,7 @@ def result_from_dict(
         hand=root["hand"].text(),
         link_names=link_names,
         joint_names=joint_names,
+        joint_count=count,
         request=_request(root),
         settings=_settings(root["settings"]),
         elapsed_s=root["elapsed_s"].number(low=0.0),
@@ -311,7 +315,9 @@ def _improvement(node: Node) -> tuple[float, int, float]:
     )
 
 
-def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) -> Grasp:
+def _grasp(
+    node: Node, joint_names: Sequence[str], count: JointCount, link_names: Sequence[str]
+) -> Grasp:
     grasp = node.object(_GRASP_FIELDS, _LATER_OF_GRASPS)
     if grasp["joint_names"].texts() != tuple(joint_names):
         raise grasp["joint_names"].fail("the document's joint_names, in their order")
@@ -321,8 +327,8 @@ def _grasp(node: Node, joint_names: Sequence[str], link_names: Sequence[str]) ->
         T_object_palm=from_position_quat_xyzw(
             pose["position"].vector(3), pose["orientation_xyzw"].unit_vector(4)
         ),
-        joints=grasp["joint_positions"].vector(n),
-        pregrasp_joints=grasp["pregrasp_joint_positions"].vector(n),
+        joints=count.of_planner(grasp["joint_positions"].vector(n)),
+        pregrasp_joints=count.of_planner(grasp["pregrasp_joint_positions"].vector(n)),
         contacts=read_contacts(grasp["contacts"], link_names),
         quality=Quality(
             grasp["epsilon"].number(low=-1.0),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.order import answer_rank
 from gpis_grasp_planner.hand.description import HandDescription
+from gpis_grasp_planner.plan.kept_holds import KeptHolds
 from gpis_grasp_planner.plan.objective import make_objective
 from gpis_grasp_planner.plan.preparation import PreparedObject
 from gpis_grasp_planner.plan.progress import Monitor
@@ -20,6 +21,7 @@ from gpis_grasp_planner.plan.request import PlanRequest
 from gpis_grasp_planner.plan.settings import PlannerSettings
 from gpis_grasp_planner.plan.surface_judge import SurfaceJudge
 from gpis_grasp_planner.scene.compiled_evaluator import CompiledEvaluator
+from gpis_grasp_planner.surroundings.covariance import check_covariance
 from gpis_grasp_planner.surroundings.hold_probability import rank_under_uncertainty
 
 _SECONDS_PER_SAMPLE = 0.002
@@ -36,6 +38,8 @@ class HoldRanking:
         Of the pose, in the object's axes.
     request : PlanRequest
         Its friction and its seed: all grasps meet the same perturbations.
+    kept : KeptHolds
+        Estimates of before, which are taken where the covariance is nearly the same.
     """
 
     part: Part
@@ -44,6 +48,7 @@ class HoldRanking:
     prepared: PreparedObject
     covariance: NDArray[np.float64] | None
     request: PlanRequest
+    kept: KeptHolds = field(default_factory=KeptHolds)
 
     @cached_property
     def on_surfaces(self) -> SurfaceJudge:
@@ -83,6 +88,7 @@ class HoldRanking:
         """
         if self.covariance is None or not self.needed or not grasps:
             return list(grasps), ()
+        covariance = check_covariance(self.covariance)
         evaluator = CompiledEvaluator(
             self.hand,
             self.part,
@@ -91,27 +97,49 @@ class HoldRanking:
             self.prepared.field,
             self.prepared.tree,
         )
-        known: list[Grasp] = []
+        ranked: list[Grasp] = []
+        n_known = 0
         for grasp in grasps:
-            late = deadline is not None and monitor.now() > deadline
-            if known and (late or monitor.stopped()):
-                break
-            # One at a time for the deadline's sake; the seed gives all the same perturbations.
-            _, [estimate] = rank_under_uncertainty(
-                evaluator,
-                self.hand,
-                [grasp],
-                self.covariance,
-                self.settings.uncertainty,
-                np.random.default_rng(self.request.seed),
-            )
-            known.append(replace(grasp, hold_probability=estimate.probability))
+            key = self._key(grasp)
+            probability = self.kept.get(key, covariance)
+            if probability is None:
+                late = deadline is not None and monitor.now() > deadline
+                if n_known and (late or monitor.stopped()):
+                    ranked.append(grasp)
+                    continue
+                # One at a time for the deadline's sake; the seed gives all the same perturbations.
+                _, [estimate] = rank_under_uncertainty(
+                    evaluator,
+                    self.hand,
+                    [grasp],
+                    covariance,
+                    self.settings.uncertainty,
+                    np.random.default_rng(self.request.seed),
+                )
+                probability = estimate.probability
+                self.kept.put(key, covariance, probability)
+            n_known += 1
+            ranked.append(replace(grasp, hold_probability=probability))
         notes: tuple[str, ...] = ()
-        if len(known) < len(grasps):
+        if n_known < len(grasps):
             notes = (
-                f"The time budget ended after the hold probability of {len(known)} of "
+                f"The time budget ended after the hold probability of {n_known} of "
                 f"{len(grasps)} grasps.",
             )
         objective = make_objective(self.settings, self.part)
-        every = [*known, *grasps[len(known) :]]
-        return sorted(every, key=lambda grasp: answer_rank(grasp, objective)), notes
+        return sorted(ranked, key=lambda grasp: answer_rank(grasp, objective)), notes
+
+    def _key(self, grasp: Grasp) -> Hashable:
+        """All that decides a grasp's probability under a covariance."""
+        part = self.part
+        return (
+            part.mesh.content_hash,
+            part.center_of_mass.tobytes(),
+            self.request.friction_for(part.friction),
+            self.request.seed,
+            self.settings.uncertainty,
+            self.settings.scene,
+            grasp.T_object_palm.tobytes(),
+            grasp.pregrasp_joints.tobytes(),
+            grasp.contacts.links.tobytes(),
+        )

@@ -80,7 +80,7 @@ class GraspPlacing:
         found = self._clearances(grasps)
         if not all(clearance.clear for clearance in found):
             return None
-        return (self._lifted(grasps) if self.constrained else list(grasps)), found
+        return self._lifted(grasps), found
 
     def finished(
         self, grasps: Sequence[Grasp], found: Sequence[Clearance]
@@ -112,14 +112,18 @@ class GraspPlacing:
                 )
                 for i, grasp in zip(rows, timed, strict=True):
                     kept[i] = grasp
-            return kept, clearances
+            return self._lifted(kept), clearances
         self._narrow(kept, clearances, list(range(len(kept))))
         return self._lifted(kept), clearances
 
     def _lifted(self, grasps: Sequence[Grasp]) -> list[Grasp]:
         support = self.around.support
         lift = None if support is None else support.normal
-        kept = [replace(grasp, lift_direction=lift) for grasp in grasps]
+        kept = [
+            # One that is planned in free space stays itself.
+            grasp if lift is grasp.lift_direction is None else replace(grasp, lift_direction=lift)
+            for grasp in grasps
+        ]
         return kept if self.arm is None else self.arm.carried(kept)
 
     def _narrow(self, grasps: list[Grasp], found: list[Clearance], rows: Sequence[int]) -> None:

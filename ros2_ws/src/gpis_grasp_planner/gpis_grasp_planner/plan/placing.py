@@ -34,6 +34,15 @@ from gpis_grasp_planner.surroundings.similarity import same_place
 Array = NDArray[np.float64]
 
 _SPARE = 1.25
+# Settings that make the figures of grasps, and those of the group of trials that do not.
+_OF_FIGURES: dict[str, tuple[str, ...]] = {
+    "scene": ("contact_threshold_m", "closing_gap_m", "cone_edges"),
+    "hpp": ("volume_weight", "balance_friction_share"),
+}
+_NOT_OF_TRIALS = {
+    "draws", "payload_kg", "noise_m", "noise_deg", "noise_repeats", "lift_m", "shake_m",
+    "processes", "trial_limit_s", "budget_share",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +172,28 @@ def _check_same(known: PlanResult, part: Part, request: PlanRequest, hold: HoldR
                 f"The known plan was made for the {what} '{then}', now it is '{now}': its figures "
                 "do not hold here. Plan anew, without it."
             )
+    _check_same_settings(known, hold)
+
+
+def _check_same_settings(known: PlanResult, hold: HoldRanking) -> None:
+    """Refuse a plan whose figures or trials were made by other settings than those of now.
+
+    What documents of earlier versions lack is taken to be the same.
+    """
+    groups = {**_OF_FIGURES}
+    if any(grasp.trials is not None or grasp.hold_estimate is not None for grasp in known.grasps):
+        trials = hold.settings.verification.as_dict()
+        groups["verification"] = tuple(name for name in trials if name not in _NOT_OF_TRIALS)
+    for group, names in groups.items():
+        was, present = known.settings.get(group, {}), getattr(hold.settings, group)
+        for name in names:
+            now = getattr(present, name)
+            if (then := was.get(name, now)) != now:
+                what = "trials" if group == "verification" else "figures"
+                raise RequestError(
+                    f"The known plan was made with {group}.{name} {then}, now it is {now}: its "
+                    f"{what} do not hold here. Plan anew, without it, or with that setting."
+                )
 
 
 def _in_mm(point: Array) -> str:

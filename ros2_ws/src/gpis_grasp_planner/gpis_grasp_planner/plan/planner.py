@@ -18,6 +18,7 @@ from gpis_grasp_planner.plan.answer import Answer
 from gpis_grasp_planner.plan.constraints import arm_constraint, make_constraints
 from gpis_grasp_planner.plan.finisher import FinishedGrasp
 from gpis_grasp_planner.plan.hold_ranking import HoldRanking
+from gpis_grasp_planner.plan.kept_holds import KeptHolds
 from gpis_grasp_planner.plan.objective import make_objective, settings_for
 from gpis_grasp_planner.plan.own_constraints import own_constraints
 from gpis_grasp_planner.plan.placed_grasps import GraspPlacing
@@ -53,6 +54,7 @@ class GraspPlanner:
         self.settings = settings or PlannerSettings()
         self.hand = load_hand(self.settings.hand.model)
         self._preparation = Preparation(self.settings)
+        self._kept_holds = KeptHolds()
 
     def prepare(self, part: Part, monitor: Monitor | None = None) -> PreparedObject:
         """Fit the surface and sample the distance field of a part (0.3 to 1.5 s), once.
@@ -188,7 +190,9 @@ class GraspPlanner:
             own,
         )
         settings = settings_for(request, self.settings)
-        hold = HoldRanking(part, self.hand, settings, prepared, place.covariance, request)
+        hold = HoldRanking(
+            part, self.hand, settings, prepared, place.covariance, request, self._kept_holds
+        )
         return placing, hold
 
     def plan(

@@ -17,6 +17,7 @@ from gpis_grasp_planner.grasp.grasp import Grasp
 from gpis_grasp_planner.grasp.lost_palms import LostPalms
 from gpis_grasp_planner.grasp.reserve import Reserve
 from gpis_grasp_planner.grasp.trials import VERIFICATIONS
+from gpis_grasp_planner.hand.open_hand import JointCount
 from gpis_grasp_planner.quality.figures import ALWAYS, Figure
 from gpis_grasp_planner.surroundings.approach_cone import ApproachCone
 from gpis_grasp_planner.surroundings.forbidden_region import ForbiddenRegion
@@ -147,6 +148,8 @@ class PlanResult:
         With force closure, mutually distinct, best first, in the object's frame.
     best_attempt : Grasp or None
         Where there is no grasp: the nearest thing to one. Infeasible.
+    joint_count : JointCount
+        How the hand's URDF counts the joints; the grasps' are counted from the open hand.
     convergence : tuple of (elapsed s, evaluations, best epsilon)
         One entry per improvement of the best epsilon.
     place : mapping or None
@@ -181,6 +184,7 @@ class PlanResult:
     hand: str
     link_names: tuple[str, ...]
     joint_names: tuple[str, ...]
+    joint_count: JointCount
     request: PlanRequest
     settings: Mapping[str, Any]
     elapsed_s: float

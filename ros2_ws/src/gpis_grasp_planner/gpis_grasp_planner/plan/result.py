@@ -61,6 +61,7 @@ def make_result(
         hand=hand.name,
         link_names=hand.link_names,
         joint_names=hand.joint_names,
+        joint_count=hand.joint_count,
         request=request,
         settings=settings.as_dict(),
         elapsed_s=monitor.elapsed_s,

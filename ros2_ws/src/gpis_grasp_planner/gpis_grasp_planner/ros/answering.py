@@ -25,13 +25,17 @@ from gpis_grasp_planner.ros.conversions import (
     pose_message,
 )
 from gpis_grasp_planner.ros.grasp_request import GraspRequest
-from gpis_grasp_planner.ros.plan_source import PlanSource
+from gpis_grasp_planner.ros.plan_source import DeliveredPlan, PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.publishers import GraspPublishers
 from gpis_grasp_planner.ros.request_guard import ObjectPose, check_request
 from gpis_grasp_planner.ros.scene_source import SceneSource, Transform
 from gpis_grasp_planner.ros.settings import NodeSettings
 from gpis_grasp_planner.ros.text import FRAME_PATTERN, printable
+
+# A pose is taken anew where an answer took longer since it was looked up, or was searched for.
+_NEWEST_FOR_S = 0.5
+_MOST_RENEWALS = 3
 
 
 class GraspAnswering:
@@ -185,17 +189,12 @@ class GraspAnswering:
         version = MeshVersion(request.mesh_id)
         call.show = lambda grasp: grasp_message(grasp, version, shown, self._hand, T_palm_flange)
         ask = self._plans.known if only_known else self._plans.plan
+        asked_s = call.elapsed_s
         delivered = ask(request.mesh_id, plan_request, call, place)
-        if given is None and not delivered.from_cache:
-            pose, planned_for = self._newer(request.mesh_id, pose), pose
-            if pose is not planned_for:
-                place = self._scenes.place(request, pose)
-                approach = approach_of(request, pose, self._transform)
-                plan_request = replace(plan_request, approach=approach)
-            if pose is not planned_for and self._plans.depends(plan_request, place):
-                delivered = self._plans.place(delivered, place, plan_request, call)
-            if pose is not planned_for:
-                shown = self._in_frame(pose, request.target_frame)
+        took_s = call.elapsed_s - asked_s
+        if given is None and (took_s > _NEWEST_FOR_S or not delivered.from_cache):
+            pose, delivered = self._at_newest(request, plan_request, pose, delivered, call)
+            shown = self._in_frame(pose, request.target_frame)
         plan = delivered.plan
         response.code = int(plan.code)
         response.message = plan.message
@@ -216,6 +215,32 @@ class GraspAnswering:
         response.success = plan.code == ErrorCode.SUCCESS and bool(response.grasps)
         if response.success:
             self._publish(request, response.grasps, shown, again)
+
+    def _at_newest(
+        self,
+        request: GraspRequest,
+        plan_request: PlanRequest,
+        pose: ObjectPose,
+        delivered: DeliveredPlan,
+        call: Call,
+    ) -> tuple[ObjectPose, DeliveredPlan]:
+        """What was made for `pose`, where the part is by now, and that pose.
+
+        Where the place decides, that takes another turn, which may have to wait as well.
+        """
+        for _ in range(_MOST_RENEWALS):
+            newest = self._newer(request.mesh_id, pose)
+            if newest is pose:
+                break
+            pose, began_s = newest, call.elapsed_s
+            place = self._scenes.place(request, pose)
+            approach = approach_of(request, pose, self._transform)
+            plan_request = replace(plan_request, approach=approach)
+            if self._plans.depends(plan_request, place):
+                delivered = self._plans.place(delivered, place, plan_request, call)
+            if call.elapsed_s - began_s <= _NEWEST_FOR_S:
+                break
+        return pose, delivered
 
     def _publish(
         self, request: GraspRequest, grasps: list[Any], shown: ObjectPose, again: bool
@@ -252,14 +277,15 @@ class GraspAnswering:
         return replace(pose, T_world_object=T_target_pose @ pose.T_world_object, frame_id=frame_id)
 
     def _newer(self, mesh_id: str, pose: ObjectPose) -> ObjectPose:
-        """The estimate of now, where a good one came while the plan was made."""
+        """The estimate of now, where a good one came meanwhile; else `pose` itself."""
         try:
-            return self._poses.newest(mesh_id)
+            newest = self._poses.newest(mesh_id)
         except PoseError as error:
             if error.code != ErrorCode.STALE_POSE:
                 raise
             # It was fresh when the request came; that is what the limit promises.
             return pose
+        return pose if newest.same_as(pose) else newest
 
 
 def _fail(response: PlanGrasp.Response, code: ErrorCode, message: str) -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import Vector3
+from rclpy.node import Node
 
 from gpis_grasp_msgs.msg import MeshInfo, PartGrasps
 from gpis_grasp_msgs.srv import ListMeshes, PlanGrasp, PlanGraspBatch
 from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.ros.answering import GraspAnswering
 from gpis_grasp_planner.ros.call import Call
+from gpis_grasp_planner.ros.client_watch import watch_clients
 from gpis_grasp_planner.ros.plan_source import PlanSource
 from gpis_grasp_planner.ros.pose_source import PoseSource
 from gpis_grasp_planner.ros.request_reader import RequestReader, later
@@ -25,6 +27,7 @@ class CatalogueServices:
 
     Parameters
     ----------
+    node : Node
     plans : PlanSource
     poses : PoseSource
     answering : GraspAnswering
@@ -34,6 +37,7 @@ class CatalogueServices:
 
     def __init__(
         self,
+        node: Node,
         plans: PlanSource,
         poses: PoseSource,
         answering: GraspAnswering,
@@ -42,6 +46,9 @@ class CatalogueServices:
         self._plans = plans
         self._poses = poses
         self._answering = answering
+        # Of each its own: a batch is worked off for those who wait for one.
+        self._list_watch = watch_clients(node, LIST_SERVICE)
+        self._batch_watch = watch_clients(node, BATCH_SERVICE)
         requests.offer(ListMeshes, LIST_SERVICE, later(self._list))
         requests.offer(PlanGraspBatch, BATCH_SERVICE, later(self._plan_batch))
 
@@ -52,7 +59,12 @@ class CatalogueServices:
         except GraspPlannerError as error:
             response.message = error.message
             return
-        entries = [self._info(mesh_id, call, measure=request.measure) for mesh_id in ids]
+        with self._list_watch.watched(call):
+            entries = [
+                self._info(mesh_id, call, measure=request.measure)
+                for mesh_id in ids
+                if not call.cancelled
+            ]
         usable = [entry for entry in entries if entry.usable]
         response.meshes = [
             *usable,
@@ -80,7 +92,10 @@ class CatalogueServices:
     def _plan_batch(self, request: Any, response: Any) -> None:
         call = Call()
         mesh_ids = list(request.mesh_ids) or self._poses.parts()
-        answers = [self._plan_one(request, mesh_id, call) for mesh_id in mesh_ids]
+        with self._batch_watch.watched(call):
+            answers = [
+                self._plan_one(request, mesh_id, call) for mesh_id in mesh_ids if not call.cancelled
+            ]
         response.parts = sorted(answers, key=graspability, reverse=True)
         found = sum(part.success for part in answers)
         response.message = (

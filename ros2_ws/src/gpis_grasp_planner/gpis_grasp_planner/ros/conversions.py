@@ -193,8 +193,8 @@ def _grasp_message(
         mesh_hash=plan.mesh_hash,
         palm_pose=PoseStamped(header=header, pose=palm),
         flange_pose=PoseStamped(header=header, pose=flange),
-        pre_grasp=joint_state_message(header, hand.joint_names, grasp.pregrasp_joints),
-        grasp=joint_state_message(header, hand.joint_names, grasp.joints),
+        pre_grasp=_posture(header, hand, grasp.pregrasp_joints),
+        grasp=_posture(header, hand, grasp.joints),
         pre_grasp_palm_pose=PoseStamped(header=header, pose=pregrasp),
         approach_direction=Vector3Stamped(header=header, vector=vector_message(approach)),
         approach_distance=float(grasp.approach_distance),
@@ -221,6 +221,11 @@ def _grasp_message(
             )
         ],
     )
+
+
+def _posture(header: Header, hand: HandDescription, joints: Array) -> JointState:
+    """Joints (J,) as the hand's URDF counts them."""
+    return joint_state_message(header, hand.joint_names, hand.joint_count.of_urdf(joints))
 
 
 def _arm_fields(header: Header, grasp: Grasp) -> dict[str, Any]:

@@ -8,18 +8,14 @@ they tell one equal pose or another. What the part's YAML file says of both (`es
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from gpis_grasp_planner.errors import GraspPlannerError
 from gpis_grasp_planner.geometry.sidecar import Sidecar
 from gpis_grasp_planner.geometry.transforms import inverse
 from gpis_grasp_planner.ros.request_guard import ObjectPose
 from gpis_grasp_planner.surroundings.covariance import covariance_moved
 
-# A changed YAML file is seen after so long; reading one for every estimate would cost.
-_TRUST_S = 1.0
 _MAX_PARTS = 1000
 
 
@@ -29,23 +25,26 @@ class EstimatorFrames:
     Parameters
     ----------
     sidecar : callable
-        The sidecar of a mesh ID.
-    clock : callable
-        Seconds, steady.
+        The sidecar of a mesh ID, read.
+    version : callable
+        Of a mesh ID, by its files: another text once one of them has changed.
     """
 
     def __init__(
-        self, sidecar: Callable[[str], Sidecar], clock: Callable[[], float] = time.monotonic
+        self, sidecar: Callable[[str], Sidecar], version: Callable[[str], str | None]
     ) -> None:
-        self._sidecar, self._clock = sidecar, clock
+        self._sidecar, self._version = sidecar, version
         self._lock = threading.Lock()
-        self._known: dict[str, tuple[float, Sidecar]] = {}
+        self._known: dict[str, tuple[str | None, Sidecar]] = {}
 
     def pose_of_mesh(self, mesh_id: str, estimate: ObjectPose) -> ObjectPose:
         """The pose of the mesh's frame, by an estimate of the estimator's.
 
-        A part that is unknown, or whose YAML file is bad, keeps its estimate: planning for it tells
-        what is wrong.
+        Raises
+        ------
+        GraspPlannerError
+            Of the catalogue: for a part that is unknown, or whose YAML file is bad or written just
+            now. A pose without what that says would be another one.
         """
         sidecar = self._of(mesh_id)
         if sidecar.T_mesh_estimator is None and sidecar.symmetry is None:
@@ -62,17 +61,14 @@ class EstimatorFrames:
         return replace(estimate, T_world_object=T_world_mesh, covariance=covariance)
 
     def _of(self, mesh_id: str) -> Sidecar:
-        now = self._clock()
+        version = self._version(mesh_id)
         with self._lock:
             known = self._known.get(mesh_id)
-        if known is not None and now - known[0] < _TRUST_S:
+        if known is not None and known[0] == version:
             return known[1]
-        try:
-            sidecar = self._sidecar(mesh_id)
-        except GraspPlannerError:
-            sidecar = Sidecar()
+        sidecar = self._sidecar(mesh_id)
         with self._lock:
             if len(self._known) >= _MAX_PARTS:
                 self._known.clear()
-            self._known[mesh_id] = now, sidecar
+            self._known[mesh_id] = version, sidecar
         return sidecar

@@ -147,8 +147,8 @@ def seen_grasp(message: GraspMessage, pose: PoseStamped, hand: HandDescription) 
     probability = message.hold_probability
     grasp = Grasp(
         T_object_palm=T_object_world @ _matrix(message.palm_pose.pose),
-        joints=np.array(message.grasp.position),
-        pregrasp_joints=np.array(message.pre_grasp.position),
+        joints=hand.joint_count.of_planner(message.grasp.position),
+        pregrasp_joints=hand.joint_count.of_planner(message.pre_grasp.position),
         contacts=_contacts(message, hand, T_object_world),
         quality=Quality(message.epsilon, message.volume),
         approach_direction=rotate @ _vector(message.approach_direction.vector),

@@ -81,7 +81,7 @@ def hand_frames(hand: HandDescription, grasp: Grasp, prefix: str) -> list[Transf
     )
     names = [prefix + name for name in hand.link_names]
     frames = [TransformStamped(header=header, child_frame_id=names[0], transform=root)]
-    T_palm_link = link_transforms(hand, list(grasp.grasp.position))[0]
+    T_palm_link = link_transforms(hand, hand.joint_count.of_planner(grasp.grasp.position))[0]
     for link in range(1, hand.n_links):
         parent = int(hand.link_parent[link])
         frames.append(

@@ -66,7 +66,9 @@ class Interfaces:
     def _make(self, node: Node, parameters: NodeParameters, planning: Planning) -> None:
         plans, hand = planning.plans, planning.hand
         poses = PoseSource(
-            node, lambda: parameters.node, EstimatorFrames(planning.catalogue.sidecar)
+            node,
+            lambda: parameters.node,
+            EstimatorFrames(planning.catalogue.sidecar, plans.version),
         )
         frames = TfListener(node, lambda: parameters.node)
         poses.listen_to(frames)
@@ -90,7 +92,7 @@ class Interfaces:
         )
         PlanGraspService(node, self.answering, self._requests)
         PlanGraspAction(node, self.answering, lambda: parameters.node)
-        CatalogueServices(plans, poses, self.answering, self._requests)
+        CatalogueServices(node, plans, poses, self.answering, self._requests)
         tracking = Tracking(lambda: parameters.node, self.answering, self._threads)
         poses.on_estimate = tracking.on_estimate
         Diagnostics(

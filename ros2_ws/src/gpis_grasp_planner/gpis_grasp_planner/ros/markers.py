@@ -134,7 +134,12 @@ class GraspMarkers:
     def _hand_markers(self, grasp: Grasp) -> list[Marker]:
         p, q = grasp.palm_pose.pose.position, grasp.palm_pose.pose.orientation
         T_world_palm = from_position_quat_xyzw([p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
-        T_world_link = T_world_palm @ link_transforms(self._hand, list(grasp.grasp.position))[0]
+        T_world_link = (
+            T_world_palm
+            @ link_transforms(self._hand, self._hand.joint_count.of_planner(grasp.grasp.position))[
+                0
+            ]
+        )
         color = quality_color(grasp, _HAND_ALPHA)
         markers: list[Marker] = []
         T_of = dict(zip(self._hand.link_names, T_world_link, strict=True))

@@ -15,9 +15,12 @@ import signal
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 EXIT_CONFIGURATION = 2
+# After a signal; an orderly end takes less, also where requests in work are answered.
+LEAVE_S = 15.0
 HELP = """\
 usage: {name} [--ros-args [-p NAME:=VALUE] [--params-file FILE.yaml] [-r FROM:=TO] ...]
 
@@ -40,6 +43,7 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    threading.Thread(target=leave_at_last, args=(stop,), daemon=True).start()
     if "--help" in (sys.argv if args is None else args)[1:]:
         name = "grasp_planner_lifecycle_node" if lifecycle else "grasp_planner_node"
         sys.stdout.write(HELP.format(name=name))
@@ -52,6 +56,7 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
 
     from gpis_grasp_planner.errors import GraspPlannerError
     from gpis_grasp_planner.ros.lifecycle_node import GraspPlannerLifecycleNode
+    from gpis_grasp_planner.ros.parameter_sections import passed_over
     from gpis_grasp_planner.ros.planner_node import NODE_NAME, GraspPlannerNode, spin
     from gpis_grasp_planner.ros.text import printable
 
@@ -63,10 +68,20 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = GraspPlannerLifecycleNode() if lifecycle else GraspPlannerNode()
     except (GraspPlannerError, RCLError, RCLInvalidROSArgsError, UnknownROSArgsError) as error:
-        log = rclpy.logging.get_logger(NODE_NAME)
-        log.fatal(f"Not started: {printable(error, 1000)}")
+        rclpy.logging.get_logger(NODE_NAME).fatal(f"Not started: {printable(error, 1000)}")
         rclpy.try_shutdown()
         return EXIT_CONFIGURATION
+    except (OSError, MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "thread" not in str(error):
+            raise
+        rclpy.logging.get_logger(NODE_NAME).fatal(
+            f"Not started: the system refuses what the node needs ({printable(repr(error), 400)}). "
+            "Look at its limits of memory, threads and open files (ulimit -a)."
+        )
+        rclpy.try_shutdown()
+        return EXIT_CONFIGURATION
+    for text in passed_over(args, node.get_fully_qualified_name()):
+        node.get_logger().warning(text)
     # A full collection looks at all that was imported, with every thread waiting.
     gc.collect()
     gc.freeze()
@@ -76,6 +91,21 @@ def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
         gc.unfreeze()
         rclpy.try_shutdown()
     return 0
+
+
+def leave_at_last(stop: threading.Event) -> None:
+    """End the process some time after `stop`, whatever keeps it.
+
+    Python waits for each thread of a pool at its end, and a thread that reads the catalogue from a
+    disk that does not answer waits for ever.
+    """
+    stop.wait()
+    time.sleep(LEAVE_S)
+    try:
+        sys.stderr.write("Ended while a request still waited, for a disk most likely.\n")
+        sys.stderr.flush()
+    finally:  # there may be no stderr
+        os._exit(0)
 
 
 def insist_on_security() -> None:

@@ -115,6 +115,10 @@ class NodeParameters:
 
     def _declare(self, name: str, info: SettingInfo) -> None:
         default = list(info.default) if info.type is tuple else info.default
+        overrides = self._node._parameter_overrides
+        if info.type is tuple and name in overrides and overrides[name].value is None:
+            # An empty list in a parameter file, as `ros2 param dump` writes it.
+            overrides[name] = Parameter(name, Parameter.Type.STRING_ARRAY, [])
         try:
             self._node.declare_parameter(name, default, _descriptor(name, info))
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:

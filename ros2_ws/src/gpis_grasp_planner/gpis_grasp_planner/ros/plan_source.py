@@ -87,6 +87,10 @@ class PlanSource:
             self._seen_ids.clear()
         self._seen_ids.add(mesh_id)
 
+    def version(self, mesh_id: str) -> str | None:
+        """Another text once a file of this mesh ID has changed; None where there is none."""
+        return self._fingerprint(mesh_id)
+
     def reserve(self, mesh_id: str, seed: int, call: Call) -> None:
         """Keep a place in the queue for a request, before anything else is looked at (some us).
 
@@ -239,7 +243,8 @@ class PlanSource:
             order.settings,
             order.read_limit_s,
         )
-        return self._process.carry_out(place_order, call)
+        # With the record of what was placed: it may have to be placed again, for a newer pose.
+        return replace(self._process.carry_out(place_order, call), record=known.record)
 
     def _made(
         self, order: PlanOrder, place: Place | None, known: Plan | None, call: Call, spent_s: float

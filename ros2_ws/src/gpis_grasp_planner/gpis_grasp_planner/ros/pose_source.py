@@ -121,10 +121,10 @@ class PoseSource:
         PoseError
             NO_POSE_ESTIMATE, or what is wrong with the newest one.
         """
-        from_tf = self._from_tf(mesh_id)
         with self._lock:
-            raw = from_tf or self._by_part.get(mesh_id, self._untagged)
+            named, raw = self._by_part.get(mesh_id), self._untagged
             others = sorted(self._by_part)
+        raw = self._from_tf(mesh_id, named) or named or raw
         if raw is None:
             seen = ""
             if others:
@@ -216,8 +216,11 @@ class PoseSource:
             )
             self._take(mesh_id, raw)
 
-    def _from_tf(self, mesh_id: str) -> RawPose | None:
-        """The pose of a part's frame on tf, at the time it was last seen there."""
+    def _from_tf(self, mesh_id: str, named: RawPose | None) -> RawPose | None:
+        """The pose of a part's frame on tf, at the time it was last seen there.
+
+        None where a topic `named` the part, and tf has not heard of its frame, or not since.
+        """
         settings = self._settings()
         if self._frames is None:
             return None
@@ -228,6 +231,11 @@ class PoseSource:
         parent = settings.object_parent_frame
         stamp_ns = self._frames.tree.newest_stamp_ns(frame)
         now_ns = self._node.get_clock().now().nanoseconds
+        if named is not None and (
+            not self._frames.tree.knows(frame)
+            or (stamp_ns is not None and stamp_ns < named.stamped_ns)
+        ):
+            return None
         T = self._frames.transform(parent, frame, now_ns if stamp_ns is None else stamp_ns)
         position, quat = to_position_quat_xyzw(T)
         seconds, nanoseconds = divmod(stamp_ns or 0, NANOSECONDS)

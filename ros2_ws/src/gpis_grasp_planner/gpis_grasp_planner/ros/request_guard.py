@@ -44,6 +44,11 @@ class RawPose:
     arrival_ns: int
     arrival_steady_s: float
 
+    @property
+    def stamped_ns(self) -> int:
+        """Its stamp [ns], unchecked; the time of arrival where that is zero."""
+        return self.stamp_sec * NANOSECONDS + self.stamp_nanosec or self.arrival_ns
+
 
 @dataclass(frozen=True, eq=False)
 class ObjectPose:
@@ -58,6 +63,16 @@ class ObjectPose:
     stamp_ns: int
     covariance: Array | None
     notes: tuple[str, ...]
+
+    def same_as(self, other: ObjectPose) -> bool:
+        """Whether both are of one estimate: nothing has come since."""
+        if (self.frame_id, self.stamp_ns) != (other.frame_id, other.stamp_ns):
+            return False
+        if self.covariance is None or other.covariance is None:
+            same = self.covariance is other.covariance
+        else:
+            same = np.array_equal(self.covariance, other.covariance)
+        return same and np.array_equal(self.T_world_object, other.T_world_object)
 
 
 def check_request(

@@ -131,6 +131,10 @@ class TransformTree:
         with self._lock:
             self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
 
+    def knows(self, frame: str) -> bool:
+        """Whether a frame was seen in a parent."""
+        return frame.lstrip("/") in self._edges
+
     def newest_stamp_ns(self, frame: str) -> int | None:
         """When a frame was last seen in its parent; None where it was not, or never moves."""
         with self._lock:

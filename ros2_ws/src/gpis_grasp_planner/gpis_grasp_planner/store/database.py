@@ -8,6 +8,7 @@ passes a fork or a thread, and a file that another process has set aside is not 
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import logging
 import sqlite3
@@ -185,6 +186,9 @@ class Database:
         """A connection to the sound file of the present schema; a damaged one is set aside."""
         deadline = time.monotonic() + self.wait_s
         self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self.path.exists() and not self.path.is_file() and not self.path.is_dir():
+            # SQLite would wait for ever for the other end of a pipe.
+            raise OSError(errno.EINVAL, "it is no regular file")
         while True:
             connection = sqlite3.connect(self.path, timeout=self.wait_s, isolation_level=None)
             try:

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 _SYMMETRY = 1e-6
 _NEGATIVE = 1e-6
 _LARGEST = 1e6
+_NEARLY = 0.1
 
 
 def covariance_in_object(covariance: ArrayLike, R_world_object: ArrayLike) -> Array:
@@ -34,6 +35,17 @@ def covariance_moved(covariance: ArrayLike, offset: ArrayLike) -> Array:
     J = np.eye(6)
     J[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
     return np.asarray(J @ np.asarray(covariance, dtype=float) @ J.T)
+
+
+def nearly_equal(first: Array, second: Array) -> bool:
+    """Whether two covariances (6, 6) say the same for what is estimated from some samples.
+
+    No entry differs by more than a tenth of the variances it belongs to, so that no deviation
+    does by more than some 5 %. The direction of a difference does not matter.
+    """
+    variances = np.minimum(np.diag(first), np.diag(second))
+    scale = np.sqrt(np.outer(variances, variances))
+    return bool((np.abs(first - second) <= _NEARLY * scale).all())
 
 
 def check_covariance(covariance: ArrayLike, of: str = "the pose") -> Array:

@@ -65,7 +65,8 @@ def finalist_cases(
     """The case that decides whether a grasp holds, and those that say how probably it does.
 
     The first is the strict protocol at the settings' friction, or at the friction that was planned
-    with where that is less. The others are a sample of what may be met in the cell, the same for
+    with where that is less, of fingers and palm each; the palm's share is that of all cases. The
+    others are a sample of what may be met in the cell, the same for
     every grasp, so that grasps differ by what they are and not by their luck:
 
     - draws: friction uniform between `low_friction` and `high_friction` (both less where the
@@ -85,6 +86,9 @@ def finalist_cases(
         `draws` + 2 or + 3 of them.
     """
     nominal = replace(settings, friction=min(settings.friction, friction.finger))
+    if nominal.friction > 0.0:
+        of_palm = min(settings.palm_friction_share * settings.friction, friction.palm)
+        nominal = replace(nominal, palm_friction_share=of_palm / nominal.friction)
     less = nominal.friction / settings.friction if settings.friction > 0.0 else 1.0
     low, high = less * settings.low_friction, less * settings.high_friction
     mass, n_surfaces = cad_mass(part, settings), len(part.drawn)
@@ -114,18 +118,22 @@ def finalist_cases(
 def spread_points(n: int, dimensions: int, rng: np.random.Generator) -> Array:
     """Points (n, dimensions) in the open unit cube, of which any first few are spread evenly.
 
-    Multiples of a fixed step, taken modulo 1 (Kronecker's sequence), from a random start, which
-    makes each point uniform (Cranley and Patterson). The step's entries are powers of 1 / g,
-    where g > 1 solves ``g^(dimensions + 1) = g + 1``.
+    Latin hypercubes that double: of the first 1, 2, 4, 8, ... points one lies in each of as many
+    equal intervals of every axis, in an order by chance. Each point is uniform, and the first
+    points are the same whatever n is.
     """
-    g = 2.0
-    for _ in range(64):  # a contraction: 64 rounds are far beyond rounding
-        g = (1.0 + g) ** (1.0 / (dimensions + 1))
-    step = g ** -np.arange(1.0, dimensions + 1.0)
-    points = (rng.random(dimensions) + np.arange(n)[:, None] * step) % 1.0
-    return np.clip(points, 1e-9, 1.0 - 1e-9)
+    points = rng.random((1, dimensions))
+    while len(points) < n:
+        intervals = np.arange(2 * len(points))
+        taken = (points * len(intervals)).astype(int)
+        free = [rng.permutation(np.setdiff1d(intervals, column)) for column in taken.T]
+        fresh = (np.stack(free, axis=1) + rng.random(points.shape)) / len(intervals)
+        points = np.concatenate([points, fresh])
+    return np.clip(points[:n], 1e-9, 1.0 - 1e-9)
 
 
 def _name(settings: VerificationSettings) -> str:
     engines = " and ".join(engine_names(settings.engine))
-    return f"friction {settings.friction:g}, {settings.mass_kg:.3g} kg, {engines}"
+    of_palm = settings.palm_friction_share * settings.friction
+    palm = "" if settings.palm_friction_share == 1.0 else f" (palm {of_palm:g})"
+    return f"friction {settings.friction:g}{palm}, {settings.mass_kg:.3g} kg, {engines}"

@@ -60,7 +60,7 @@ class PreparedPart:
         return cls(field, tree, cover)
 
 
-_prepared: OrderedDict[tuple[str, float], PreparedPart] = OrderedDict()
+_prepared: OrderedDict[tuple[str, str, float], PreparedPart] = OrderedDict()
 
 
 def prepare(
@@ -70,7 +70,9 @@ def prepare(
     tree: TriangleTree | None = None,
 ) -> PreparedPart:
     """Make ready to cover a part by convex pieces, once per mesh and tolerance."""
-    key = (part.mesh.content_hash, settings.cover_tolerance_m)
+    # the pieces are of the working mesh's faces, whose numbers another simplification changes
+    meshes = part.mesh.content_hash, part.working_mesh.content_hash
+    key = (*meshes, settings.cover_tolerance_m)
     found = _prepared.get(key)
     if found is None:
         field = field or DistanceField.of(part.working_mesh)

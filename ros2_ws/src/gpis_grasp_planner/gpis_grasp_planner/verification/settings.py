@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gpis_grasp_planner.settings import SettingsGroup, setting
 
 if TYPE_CHECKING:  # it needs SciPy, and settings are read by commands that compute nothing
+    from gpis_grasp_planner.hand.description import HandDescription
     from gpis_grasp_planner.hand.drive_train import Drive
 
 ENGINE_CHOICES = ("auto", "bullet", "mujoco", "both")
@@ -30,6 +31,13 @@ class VerificationSettings(SettingsGroup):
         high=5.0,
         description="Coulomb friction between hand and object.",
         common=True,
+    )
+    palm_friction_share: float = setting(
+        1.0,
+        low=0.0,
+        high=500.0,
+        description="Friction of the palm's links over that of the fingers. A plan's trials have "
+        "the planned palm's, where that is less.",
     )
     mass_kg: float = setting(
         0.1, low=1e-3, high=6.0, description="Mass of the object.", common=True
@@ -158,6 +166,11 @@ class VerificationSettings(SettingsGroup):
     cover_tolerance_m: float = setting(
         2e-4, low=2e-5, high=2e-3, description="How far convex pieces may stand out of the object."
     )
+
+    def link_friction_shares(self, hand: HandDescription) -> list[float]:
+        """Friction of each link of a hand over `friction`."""
+        of_group = {"finger": 1.0, "palm": self.palm_friction_share}
+        return [of_group[group] for group in hand.link_friction_group]
 
     def forces_n(self, drive: Drive) -> tuple[float, float]:
         """With which a fingertip of a hand presses, and which it resists [N]."""

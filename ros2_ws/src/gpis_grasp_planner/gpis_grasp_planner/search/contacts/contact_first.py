@@ -44,9 +44,10 @@ _GAP_M = 0.01  # a place this far from the surface costs as much as a normal at 
 _APPROACH = 1.0  # cost of coming from opposite to the direction that constraints know
 _TEMPERATURE = 0.15
 _FROM_ALLOWED = 0.75  # share of a pair's hands that come from where constraints let them
-_ROLL_RAD = np.deg2rad(25.0)  # standard deviation of their rolls
+_ROLL_RAD = np.deg2rad(25.0)  # largest standard deviation of their rolls; half have under a quarter
 _LEARN = 0.3  # cost that e times the worth makes up for
 _DRAWN = 2  # sets drawn for each that is tried
+_REDRAWN = 5  # times that more are drawn where constraints let few hands be
 _BACK_M = 0.003
 _FARTHEST_M = 0.015  # a hand farther from where constraints let it would miss its contacts
 _PRIOR = 5.0  # attempts' worth of belief that a grip is like the others
@@ -108,7 +109,7 @@ class ContactFirst:
         owner : (B,) int array
             Which set each attempt is of.
         """
-        hands = self._best_of(self._drawn(_DRAWN * n_sets))
+        hands = self._likeliest(n_sets)
         T, free = self._context.evaluator.clear_palm(
             hands.T_object_palm,
             -hands.T_object_palm[:, :3, 2],
@@ -121,8 +122,24 @@ class ContactFirst:
         hands = hands.only(kept)
         attempts = self._fitting.attempt(T[kept], hands.preshape, hands.joints)
         self._context.archive.add(attempts)
-        self._learn(hands.cell, attempts.objective(self._context.objective))
+        objective = attempts.objective(self._context.objective)
+        self._learn(hands.cell, np.where(attempts.epsilon > 0.0, objective, 0.0))
         return attempts, hands.owner
+
+    def _likeliest(self, n_sets: int) -> _Hands:
+        """Hands about sets of contacts, drawn until there are enough that constraints let be.
+
+        Of a flat part on a table a few in a hundred are.
+        """
+        wanted = n_sets * self._settings.n_seed
+        hands = self._best_of(self._drawn(_DRAWN * n_sets))
+        for _ in range(_REDRAWN if self._context.constraints else 0):
+            if len(hands.cost) >= wanted:
+                break
+            more = self._best_of(self._drawn(_DRAWN * n_sets))
+            next_owner = int(hands.owner.max(initial=-1)) + 1
+            hands = _Hands.joined([hands, replace(more, owner=more.owner + next_owner)])
+        return hands
 
     def _drawn(self, n_sets: int) -> _Hands:
         """Many hands about each of some sets."""
@@ -221,7 +238,9 @@ class ContactFirst:
                 z @ wanted - along,
             )
             near = rng.random(n) < _FROM_ALLOWED
-            roll = np.where(near, toward + _ROLL_RAD * rng.standard_normal(n), roll)
+            # Fingertips about a flat part have a few degrees to go, others tens of them.
+            spread = _ROLL_RAD * rng.random(n) ** 2
+            roll = np.where(near, toward + spread * rng.standard_normal(n), roll)
         return np.asarray(Rotation.from_rotvec(roll[:, None] * axis).as_matrix() @ R)
 
     def _about_triples(self, triples: ContactSets, drawn: Index) -> _Hands:

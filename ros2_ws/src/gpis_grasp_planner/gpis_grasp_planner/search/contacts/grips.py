@@ -154,8 +154,10 @@ def triads(hand: HandDescription, max_deg: float) -> Triads | None:
         for place in (-1, -2):
             for s, value in enumerate(preshapes):
                 of = [fingers[f] for f in chosen]
-                p = [places.points[s, m, place] for places, m in zip(of, motors.T, strict=True)]
-                n = [places.normals[s, m, place] for places, m in zip(of, motors.T, strict=True)]
+                # a finger with one place has that both times
+                at = [max(place, -places.points.shape[2]) for places in of]
+                p = [f.points[s, m, k] for f, m, k in zip(of, motors.T, at, strict=True)]
+                n = [f.normals[s, m, k] for f, m, k in zip(of, motors.T, at, strict=True)]
                 points.append(np.stack(p, axis=1))
                 normals.append(np.stack(n, axis=1))
                 preshape.append(np.tile(value, (len(motors), 1)))

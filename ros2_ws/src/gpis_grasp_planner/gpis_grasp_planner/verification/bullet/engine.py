@@ -121,8 +121,10 @@ class BulletEngine:
         self._bullet_link = {link: key for key, link in bodies.link_of.items()}
         for joint, index in bodies.joint_of.items():
             client.resetJointState(bodies.fingers, index, float(joints[joint]))
-        for body, link in bodies.link_of:
-            self._surface(body, link, 1.0)
+        # Bullet multiplies both friction coefficients of a pair.
+        shares = self.settings.link_friction_shares(self.hand)
+        for (body, index), link in bodies.link_of.items():
+            self._surface(body, index, shares[link])
         position, quat_xyzw = to_position_quat_xyzw(T_palm_part @ self._T_part_body)
         client.resetBasePositionAndOrientation(self._object, position, quat_xyzw)
         self.halt()
@@ -148,7 +150,6 @@ class BulletEngine:
         )
         for body, link in self._bodies.link_of:
             client.setCollisionFilterPair(self._plane, body, -1, link, 0)
-        # Bullet multiplies both friction coefficients of a pair.
         self._surface(self._plane, -1, friction / max(self.settings.friction, 1e-6))
 
     def carry(self, mass_kg: float, damped: bool) -> None:

@@ -226,5 +226,7 @@ class MujocoEngine:
         """Nothing to free."""
 
     def _set_friction(self) -> None:
-        of_part = self.model.geom_bodyid == self._object
-        self.model.geom_friction[of_part, 0] = self.settings.friction
+        shares = self.settings.link_friction_shares(self.hand)
+        for body, link in self._link_of.items():
+            geoms = self.model.geom_bodyid == body
+            self.model.geom_friction[geoms, 0] = shares[link] * self.settings.friction

@@ -168,7 +168,7 @@ def _add_hull(
         contype=group,
         conaffinity=0 if group == _PLANE else _HAND + _PART - group,
         condim=3,
-        priority=int(group == _PART),  # the friction of the pair is the part's
+        priority=int(group == _HAND),  # the friction of the pair is the link's
         solref=(_CONTACT_TIME_S, 1.0),
         solimp=_CONTACT_IMPEDANCE,
         density=0.0,
