@@ -78,7 +78,10 @@ def test_rows_without_a_return_of_an_organised_cloud_are_left_out_and_noted(clou
         (".pcd", pcd(np.zeros((5, 3)), declared=9), "declares 9 points and holds 5",
          ErrorCode.MESH_UNREADABLE),
         (".pcd", pcd(np.full((5, 3), np.nan)), "no points", ErrorCode.MESH_EMPTY),
-        (".pcd", pcd(np.zeros((5, 3)), "binary_compressed"), "without compression",
+        (".pcd", pcd(np.zeros((5, 3)), "zipped"), "are 'zipped'", ErrorCode.MESH_UNREADABLE),
+        (".pcd", pcd(np.zeros((5, 3)), "binary_compressed")[:-1], "compressed bytes and holds",
+         ErrorCode.MESH_UNREADABLE),
+        (".pcd", pcd(np.zeros((5, 3)), "binary_compressed", declared=9), "9 points take 144 bytes",
          ErrorCode.MESH_UNREADABLE),
         (".ply", ply([[0, 0, np.inf]]), "not finite", ErrorCode.MESH_NOT_FINITE),
     ],
@@ -88,6 +91,13 @@ def test_what_cannot_be_used_is_refused_with_its_reason(suffix, data, words, cod
         read(data, suffix)
     assert words in caught.value.message
     assert caught.value.code == code, caught.value.message
+
+
+def test_a_compressed_pcd_holds_the_points_of_the_plain_one(cloud):
+    packed = pcd(cloud[0], "binary_compressed", viewpoint=(1, 2, 3))
+    found, plain = read(packed, ".pcd"), read(pcd(cloud[0], viewpoint=(1, 2, 3)), ".pcd")
+    np.testing.assert_array_equal(found.points, plain.points)
+    np.testing.assert_array_equal(found.viewpoints, plain.viewpoints)
 
 
 def test_too_many_points_are_refused_from_the_header(cloud):

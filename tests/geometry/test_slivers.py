@@ -90,3 +90,14 @@ def test_sound_faces_pass_untouched():
     found, left_out = without_slivers(vertices, faces, 1e-8)
     assert found is faces
     assert left_out == 0
+
+
+def test_a_cap_beside_faces_with_a_corner_twice_is_taken_out():
+    """As an exporter writes them that rounds its vertices: the line was taken for a neighbour."""
+    vertices, faces = ball()
+    u, v, _ = faces[0]
+    vertices, faces = with_cap(vertices, faces, (u, v), 0.5)
+    lines = np.array([(u, v, v), (v, u, u)], dtype=np.int32)
+    found, left_out = without_slivers(vertices, np.vstack([faces[-1:], lines, faces[:-1]]), 1e-8)
+    assert left_out == 0
+    assert set(find_edges(found).uses) == {2}

@@ -18,7 +18,7 @@ from gpis_grasp_planner.geometry.formats.polygons import triangulate
 def split(points, polygons):
     corners = np.concatenate([np.asarray(p) for p in polygons])
     counts = np.array([len(p) for p in polygons])
-    return triangulate(np.asarray(points, dtype=float), corners, counts, "file")
+    return triangulate(np.asarray(points, dtype=float), corners, counts, "file")[:2]
 
 
 def outline_area(flat) -> float:
@@ -135,3 +135,28 @@ def test_a_warped_quad_is_split_in_two():
     points = [(0, 0, 0), (1, 0, 0.3), (1, 1, 0), (0, 1, 0.3)]
     faces, _ = split(points, [range(4)])
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def grid_with_a_bow_tie(size):
+    """Quads of one square metre each, 1200 of them, and a bow tie of a side `size` [m]."""
+    x, y = np.meshgrid(np.arange(41.0), np.arange(31.0), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    at = np.arange(41 * 31).reshape(41, 31)
+    quads = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], axis=-1).reshape(-1)
+    tie = size * np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)]) + (0, 0, 5.0)
+    corners = np.concatenate([quads, len(points) + np.arange(4)])
+    return np.vstack([points, tie]), corners, np.full(1201, 4)
+
+
+def test_a_small_quad_that_crosses_itself_is_two_triangles_and_noted():
+    points, corners, counts = grid_with_a_bow_tie(0.1)
+    faces, _, notes = triangulate(points, corners, counts, "file")
+    n = len(points)
+    assert faces[-2:].tolist() == [[n - 4, n - 3, n - 2], [n - 4, n - 2, n - 1]]
+    assert "1 quads that cross themselves (the first is face 1201)" in notes[0]
+    assert "0.00083 %" in notes[0]
+
+
+def test_a_quad_that_crosses_itself_and_makes_up_much_is_refused():
+    with pytest.raises(MeshError, match="face 1201 of 4 corners crosses itself"):
+        triangulate(*grid_with_a_bow_tie(2.0), "file")

@@ -129,6 +129,10 @@ class _Neighbourhood:
             return
         neighbour = min(others)
         x, y, z = self.faces[neighbour]
+        if len({x, y, z}) < 3:  # u and v are all of its corners: no neighbour, but a line
+            self._remove(neighbour)
+            self._thin.append(face)
+            return
         [far] = {x, y, z} - {u, v}
         if far == top:
             self._remove(face)

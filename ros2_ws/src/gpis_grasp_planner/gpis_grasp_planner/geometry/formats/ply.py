@@ -110,9 +110,9 @@ def read_ply(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     vertices = tables["vertex"].scalars
     corners, counts = _polygons(tables, len(vertices), name)
     check_face_count(int(counts.sum()) - 2 * len(counts), name, max_faces)
-    faces, _ = triangulate(vertices, corners, counts, name)
+    faces, _, skewed = triangulate(vertices, corners, counts, name)
     notes = (f"{extra} after what the header describes were ignored.",) if extra else ()
-    return ParsedMesh(vertices, faces, notes=notes, doubt=doubt)
+    return ParsedMesh(vertices, faces, notes=(*notes, *skewed), doubt=doubt)
 
 
 def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
@@ -139,7 +139,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
         raise MeshError(f"{name} has the unknown PLY format '{encoding[:40]}'.")
     line_end = end_mark.end()
     # '\r\n' is one end of line; but a '\n' after '\r' is data where the header's ends are '\r'.
-    two = head[line_end : line_end + 2] == b"\r\n" and b"\r\n" in head[:end]
+    two = head[line_end : line_end + 2] == b"\r\n" and b"\n" in head[:end]
     return encoding, elements, line_end + (2 if two else 1)
 
 

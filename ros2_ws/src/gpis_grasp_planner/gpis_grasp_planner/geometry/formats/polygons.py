@@ -19,11 +19,21 @@ Index = NDArray[np.int64]
 _FLAT = 1e-9  # area of what has none, relative to the polygon's own
 _ABSURD = 1e60
 _MOST_CORNERS = 20_000
+_SMALL_SHARE = 1e-3  # of the surface, that skewed quads may be which cross themselves
 _CROSSING_ROWS = 512
 
 
-def triangulate(vertices: Array, corners: Index, counts: Index, name: str) -> tuple[Index, Index]:
+class _Crossing(Exception):
+    """A polygon crosses itself."""
+
+
+def triangulate(
+    vertices: Array, corners: Index, counts: Index, name: str
+) -> tuple[Index, Index, tuple[str, ...]]:
     """Split polygons into triangles, in their order.
+
+    A quad of scans and remeshed parts may be so skewed that it crosses itself in its mean plane. It
+    is a pair of triangles all the same, where such quads are a small share of the surface.
 
     Parameters
     ----------
@@ -41,25 +51,45 @@ def triangulate(vertices: Array, corners: Index, counts: Index, name: str) -> tu
     first : (p + 1,) int array
         The first triangle of each polygon, and at the end their number. Equal corners in a row
         count once, so that a triangle written as a quad gives one triangle.
+    notes : tuple of str
+        Of quads that cross themselves.
 
     Raises
     ------
     MeshError
-        MESH_DEGENERATE for a polygon that crosses itself.
+        MESH_DEGENERATE for another polygon that crosses itself.
     """
     if (counts == 3).all():
-        return corners.reshape(-1, 3), np.arange(len(counts) + 1)
+        return corners.reshape(-1, 3), np.arange(len(counts) + 1), ()
     _check_finite(vertices, corners, counts, name)
     corners, counts = _without_repeats(vertices, corners, counts)
     start = np.concatenate([[0], np.cumsum(counts)])
     first = np.concatenate([[0], np.cumsum(counts - 2)])
     faces = np.empty((int(first[-1]), 3), dtype=np.int64)
+    skewed: list[int] = []
     for count in np.unique(counts):
         mine = np.flatnonzero(counts == count)
         group = corners[start[mine][:, None] + np.arange(count)]
-        split = group[:, None, :] if count == 3 else _split(vertices, group, mine, name)
+        split = group[:, None, :] if count == 3 else _split(vertices, group, mine, name, skewed)
         faces[first[mine][:, None] + np.arange(count - 2)] = split
-    return faces, first
+    return faces, first, _note_skewed(vertices, faces, first, skewed, name)
+
+
+def _note_skewed(
+    vertices: Array, faces: Index, first: Index, skewed: list[int], name: str
+) -> tuple[str, ...]:
+    if not skewed:
+        return ()
+    a, b, c = (np.clip(vertices[faces[:, k]], -_ABSURD, _ABSURD) for k in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    at = first[skewed]
+    share = float(areas[at].sum() + areas[at + 1].sum()) / max(float(areas.sum()), 1e-300)
+    if share > _SMALL_SHARE:
+        raise _unsplit(name, skewed[0], "of 4 corners crosses itself")
+    return (
+        f"{len(skewed)} quads that cross themselves (the first is face {skewed[0] + 1}) were split "
+        f"as they stand; they are {100 * share:.2g} % of the surface.",
+    )
 
 
 def _check_finite(vertices: Array, corners: Index, counts: Index, name: str) -> None:
@@ -89,8 +119,11 @@ def _without_repeats(vertices: Array, corners: Index, counts: Index) -> tuple[In
     return corners[keep], np.where(few, 3, left)
 
 
-def _split(vertices: Array, group: Index, numbers: Index, name: str) -> Index:
-    """Triangles (k, c - 2, 3) of k polygons with c corners each (k, c)."""
+def _split(vertices: Array, group: Index, numbers: Index, name: str, skewed: list[int]) -> Index:
+    """Triangles (k, c - 2, 3) of k polygons with c corners each (k, c).
+
+    Quads that cross themselves are entered in `skewed` by their number.
+    """
     k, count = group.shape
     points = vertices[group]
     # Absurd coordinates are refused by the judge of meshes; squares of them must not overflow.
@@ -115,7 +148,14 @@ def _split(vertices: Array, group: Index, numbers: Index, name: str) -> Index:
         if len(open_) == 0:
             break
     for i in [*open_, *np.flatnonzero(~convex)]:
-        faces[i] = group[i][_cut_ears(points[i], unit[i], float(double_area[i]), numbers[i], name)]
+        try:
+            ears = _cut_ears(points[i], unit[i], float(double_area[i]), numbers[i], name)
+        except _Crossing:
+            if count != 4:
+                raise _unsplit(name, numbers[i], f"of {count} corners crosses itself") from None
+            skewed.append(int(numbers[i]))
+            ears = np.array([(0, 1, 2), (0, 2, 3)])
+        faces[i] = group[i][ears]
     return faces
 
 
@@ -136,13 +176,13 @@ def _cut_ears(points: Array, unit: Array, double_area: float, number: int, name:
     if count > _MOST_CORNERS:
         raise _unsplit(name, number, f"has {count} corners, at most {_MOST_CORNERS} can be split")
     if double_area <= _FLAT * float(size[0]) ** 2:
-        raise _unsplit(name, number, f"of {count} corners crosses itself")
+        raise _Crossing
     axis = np.eye(3)[np.argmin(np.abs(unit))]
     u = np.cross(axis, unit)
     u /= np.linalg.norm(u)
     flat = np.stack([points @ u, points @ np.cross(unit, u)], axis=1)
     if _crosses_itself(flat):
-        raise _unsplit(name, number, f"of {count} corners crosses itself")
+        raise _Crossing
     triangles = _ears(flat, _FLAT * double_area)
     if triangles is None:
         raise _unsplit(name, number, f"of {count} corners cannot be split into triangles")

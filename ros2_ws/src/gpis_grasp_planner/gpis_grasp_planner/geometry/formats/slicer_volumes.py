@@ -89,7 +89,6 @@ class _Reader:
     def _refuse_hole(self, kind: str) -> None:
         if kind in _HOLES:
             raise ModelError(
-                "it has a negative volume, which a slicer cuts away and this reader does not; "
-                "export the finished shape, such as STL",
+                "it has a negative volume, which a slicer cuts away and this reader does not",
                 ErrorCode.MESH_FORMAT_NOT_SUPPORTED,
             )

@@ -58,7 +58,10 @@ def read_3mf(data: bytes, name: str, max_faces: int) -> ParsedMesh:
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
         raise truncated(name, f"it is no whole ZIP archive ({type(error).__name__})") from None
     except ModelError as error:
-        raise MeshError(f"{name}: {error}. Export it again.", error.code) from None
+        # Once more from the same program would be the same.
+        unread = error.code == ErrorCode.MESH_FORMAT_NOT_SUPPORTED
+        cure = "Export the finished shape, such as STL." if unread else "Export it again."
+        raise MeshError(f"{name}: {error}. {cure}", error.code) from None
 
 
 class _Package:
