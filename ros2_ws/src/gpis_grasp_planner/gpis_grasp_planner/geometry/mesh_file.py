@@ -193,8 +193,8 @@ def parse_mesh(
     )
     if parsed.doubt and not judged.watertight:
         raise MeshError(
-            f"{name} is probably not whole: {parsed.doubt}, and its surface is open. Export or "
-            "copy it again."
+            f"{name} was probably not read whole: {parsed.doubt}, and its surface is open. Copy "
+            f"it again, or export it again{', as STL' if suffix in STEP_SUFFIXES else ''}."
         )
     if body is None and len(parsed.pieces) > 1 and judged.bodies > 1:
         notes.append(f"Its bodies are {_list(parsed.pieces)}; choose one by 'body' or --body.")
