@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode
 from gpis_grasp_planner.geometry.part import Part
 from gpis_grasp_planner.grasp.funnel import Funnel
+from gpis_grasp_planner.hand.description import HandDescription
 from gpis_grasp_planner.plan.request import PlanResult
 from gpis_grasp_planner.surroundings.clearance import Cause, Clearance
 
@@ -78,6 +79,7 @@ def found_text(
 
 def nothing_found(
     part: Part,
+    hand: HandDescription,
     attempts: int,
     funnel: Funnel,
     n_disagreed: int,
@@ -87,6 +89,7 @@ def nothing_found(
     Parameters
     ----------
     part : Part
+    hand : HandDescription
     attempts : int
     funnel : Funnel
     n_disagreed : int
@@ -119,7 +122,17 @@ def nothing_found(
         ErrorCode.NO_FEASIBLE_GRASP,
         f"No grasp with force closure of '{part.mesh_id}' ({extent} mm) in {attempts} attempts. "
         "Give more time, check the friction and the mesh's unit, or use a part that the hand "
-        "can span.",
+        f"can span.{_of_pads(hand)}",
+    )
+
+
+def _of_pads(hand: HandDescription) -> str:
+    """What may be wrong with a gripper: two points leave the turn about their line free."""
+    if len(hand.fingers) > 2 or hand.contact_patches:
+        return ""
+    return (
+        f" The fingers of '{hand.name}' touch at points, and two let a part turn: if their "
+        "pads are flat, say so in the hand's YAML file (contact_patches: true)."
     )
 
 

@@ -383,7 +383,7 @@ class PlanRun:
             return self._limit.code, self._limit.message, None
         if not grasps:
             code, text = nothing_found(
-                part, self._evaluator.n_attempts, funnel, finisher.n_disagreed
+                part, self.hand, self._evaluator.n_attempts, funnel, finisher.n_disagreed
             )
             return code, text, miss
         require = self.request.verification == "require"
