@@ -35,4 +35,5 @@ def test_no_timer_of_the_node_waits_for_the_simulation() -> None:
         kinds = [timer.clock.clock_type for timer in node.timers]
         planning.close()
         interfaces.destroy()
-    assert kinds == [ClockType.STEADY_TIME] * 4
+    assert kinds
+    assert set(kinds) == {ClockType.STEADY_TIME}
