@@ -55,11 +55,13 @@ def test_the_palm_has_its_own_friction_where_that_is_less(
     bar: Part, finger: float, palm: float, of_finger: float, of_palm: float
 ) -> None:
     cases = finalist_cases(bar, Friction(finger, palm), SETTINGS, seed=1)
+    deciding = cases[0].settings
     for case in cases:
         share = case.settings.palm_friction_share
-        assert share == pytest.approx(of_palm / of_finger)
+        decides = replace(case.settings, engine=deciding.engine) == deciding
+        assert share == pytest.approx(of_palm / of_finger if decides else 1.0)
         assert (f"(palm {share * case.settings.friction:g})" in case.name) == (share != 1.0)
-    assert cases[0].settings.friction == of_finger
+    assert deciding.friction == of_finger
 
 
 def test_with_less_friction_than_the_settings_all_is_less(bar: Part) -> None:

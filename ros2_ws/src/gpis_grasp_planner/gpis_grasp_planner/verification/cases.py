@@ -65,9 +65,10 @@ def finalist_cases(
     """The case that decides whether a grasp holds, and those that say how probably it does.
 
     The first is the strict protocol at the settings' friction, or at the friction that was planned
-    with where that is less, of fingers and palm each; the palm's share is that of all cases. The
-    others are a sample of what may be met in the cell, the same for
-    every grasp, so that grasps differ by what they are and not by their luck:
+    with where that is less, of fingers and palm each. The others are a sample of what may be met in
+    the cell, the same for every grasp, so that grasps differ by what they are and not by their
+    luck. Their friction is one of fingers and palm, unless the settings have a palm's share: what
+    is drawn is no longer what the material's table says.
 
     - draws: friction uniform between `low_friction` and `high_friction` (both less where the
       first case has less than the settings' friction), mass log-uniform from `mass_kg` to
@@ -92,7 +93,8 @@ def finalist_cases(
     less = nominal.friction / settings.friction if settings.friction > 0.0 else 1.0
     low, high = less * settings.low_friction, less * settings.high_friction
     mass, n_surfaces = cad_mass(part, settings), len(part.drawn)
-    corner = replace(nominal, friction=low, mass_kg=mass)
+    share = settings.palm_friction_share
+    corner = replace(nominal, friction=low, palm_friction_share=share, mass_kg=mass)
     others = []
     points = spread_points(settings.draws, 8, np.random.default_rng(seed))
     moves = noise_displacements(ndtri(points[:, 2:]), part, settings, covariance)
@@ -100,6 +102,7 @@ def finalist_cases(
         drawn = replace(
             nominal,
             friction=low + u_friction * (high - low),
+            palm_friction_share=share,
             mass_kg=settings.mass_kg * (mass / settings.mass_kg) ** u_mass,
         )
         name, surface = f"{_name(drawn)}{DISPLACED} {k + 1}", None
