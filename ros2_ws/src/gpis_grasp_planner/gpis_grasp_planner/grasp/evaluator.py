@@ -101,6 +101,10 @@ class Attempts:
         """
         return np.where(self.status == AttemptStatus.GRASPED, worth(objective, self), 0.0)
 
+    def objective_of_grasps(self, objective: Objective) -> Array:
+        """The same, and 0 without force closure: the paper's formula has a volume then, too."""
+        return np.where(self.epsilon > 0.0, self.objective(objective), 0.0)
+
     def quality(self, index: int) -> Quality:
         """The figures of one attempt; epsilon may be an upper bound, volume is an estimate."""
         return Quality(

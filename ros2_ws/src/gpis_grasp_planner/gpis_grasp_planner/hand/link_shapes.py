@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gpis_grasp_planner.errors import ErrorCode, MeshError, RequestError
 from gpis_grasp_planner.geometry.mesh import TriangleMesh
 from gpis_grasp_planner.geometry.mesh_file import READERS
+from gpis_grasp_planner.geometry.topology import find_edges
 from gpis_grasp_planner.geometry.transforms import apply
 from gpis_grasp_planner.hand.link_mesh import MOST_CORNERS, convex_hull, fewest_vertices
 from gpis_grasp_planner.hand.urdf_origin import numbers, origin_of
@@ -151,8 +152,7 @@ def read_link_mesh(path: Path, *, solid: bool = True) -> TriangleMesh:
 
 
 def _is_closed(mesh: TriangleMesh) -> bool:
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+    return bool((find_edges(mesh.faces).uses == 2).all())
 
 
 def _shape(path: Path, link: ET.Element, kind: str, geometry: ET.Element | None) -> TriangleMesh:

@@ -39,7 +39,10 @@ def main_lifecycle(args: list[str] | None = None) -> int:
 
 
 def main(args: list[str] | None = None, *, lifecycle: bool = False) -> int:
-    """Run the node until SIGINT or SIGTERM; 0 then, 2 where it cannot start as configured."""
+    """Run the node until SIGINT or SIGTERM; 0 then, 2 where it cannot start as configured.
+
+    The process is gone `LEAVE_S` after the signal at the latest, whatever it was doing by then.
+    """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -85,9 +85,8 @@ class DualOptimiser:
             spent = self._evaluator.n_attempts - before
         self._second.consider(attempts)
         self._tried[kind] += spent
-        # Without force closure a hand may have a volume, and is worth nothing all the same.
-        closed = attempts.objective(self._objective)[attempts.epsilon > 0.0]
-        self._worth[kind] += float((closed**_FOR_THE_BEST).sum())
+        value = attempts.objective_of_grasps(self._objective)
+        self._worth[kind] += float((value**_FOR_THE_BEST).sum())
 
     @property
     def _contact_share(self) -> float:

@@ -36,8 +36,8 @@ class VerificationSettings(SettingsGroup):
         1.0,
         low=0.0,
         high=500.0,
-        description="Friction of the palm's links over that of the fingers. A plan's trials have "
-        "the planned palm's, where that is less.",
+        description="Friction of the palm's links over that of the fingers. The trial that decides "
+        "whether a grasp of a plan holds has the planned palm's, where that is less.",
     )
     mass_kg: float = setting(
         0.1, low=1e-3, high=6.0, description="Mass of the object.", common=True

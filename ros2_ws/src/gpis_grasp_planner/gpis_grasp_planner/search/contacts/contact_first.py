@@ -47,7 +47,7 @@ _FROM_ALLOWED = 0.75  # share of a pair's hands that come from where constraints
 _ROLL_RAD = np.deg2rad(25.0)  # largest standard deviation of their rolls; half have under a quarter
 _LEARN = 0.3  # cost that e times the worth makes up for
 _DRAWN = 2  # sets drawn for each that is tried
-_REDRAWN = 5  # times that more are drawn where constraints let few hands be
+_ROUNDS = 6  # of drawing, where constraints let few hands be
 _BACK_M = 0.003
 _FARTHEST_M = 0.015  # a hand farther from where constraints let it would miss its contacts
 _PRIOR = 5.0  # attempts' worth of belief that a grip is like the others
@@ -122,8 +122,7 @@ class ContactFirst:
         hands = hands.only(kept)
         attempts = self._fitting.attempt(T[kept], hands.preshape, hands.joints)
         self._context.archive.add(attempts)
-        objective = attempts.objective(self._context.objective)
-        self._learn(hands.cell, np.where(attempts.epsilon > 0.0, objective, 0.0))
+        self._learn(hands.cell, attempts.objective_of_grasps(self._context.objective))
         return attempts, hands.owner
 
     def _likeliest(self, n_sets: int) -> _Hands:
@@ -132,14 +131,13 @@ class ContactFirst:
         Of a flat part on a table a few in a hundred are.
         """
         wanted = n_sets * self._settings.n_seed
-        hands = self._best_of(self._drawn(_DRAWN * n_sets))
-        for _ in range(_REDRAWN if self._context.constraints else 0):
-            if len(hands.cost) >= wanted:
+        rounds: list[_Hands] = []
+        for k in range(_ROUNDS if self._context.constraints else 1):
+            hands = self._best_of(self._drawn(_DRAWN * n_sets))
+            rounds.append(replace(hands, owner=hands.owner + k * _DRAWN * n_sets))
+            if sum(len(hands.cost) for hands in rounds) >= wanted:
                 break
-            more = self._best_of(self._drawn(_DRAWN * n_sets))
-            next_owner = int(hands.owner.max(initial=-1)) + 1
-            hands = _Hands.joined([hands, replace(more, owner=more.owner + next_owner)])
-        return hands
+        return _Hands.joined(rounds)
 
     def _drawn(self, n_sets: int) -> _Hands:
         """Many hands about each of some sets."""
