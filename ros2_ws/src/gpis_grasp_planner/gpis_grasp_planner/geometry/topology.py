@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 Faces = NDArray[np.int32]
 Index = NDArray[np.int64]
@@ -79,8 +77,7 @@ def bodies(faces: Faces) -> tuple[int, Index]:
     n = int(faces.max(initial=-1)) + 1
     rows = np.concatenate([faces[:, 0], faces[:, 1]])
     columns = np.concatenate([faces[:, 1], faces[:, 2]])
-    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n, n))
-    _, label_of_vertex = connected_components(graph, directed=False)
+    _, label_of_vertex = _components(n, rows, columns)
     names, labels = np.unique(label_of_vertex[faces[:, 0]], return_inverse=True)
     return len(names), labels.astype(np.int64)
 
@@ -98,8 +95,7 @@ def faces_to_flip(edges: Edges, n_faces: int) -> tuple[NDArray[np.bool_], NDArra
     rows = np.concatenate([i, i + n_faces])
     columns = np.concatenate([j + shift, j + (n_faces - shift)])
     size = 2 * n_faces
-    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
-    count, label = connected_components(graph, directed=False)
+    count, label = _components(size, rows, columns)
     as_is, flipped = label[:n_faces], label[n_faces:]
     kept = np.bincount(as_is, minlength=count)
     turned = np.bincount(flipped, minlength=count)
@@ -111,3 +107,13 @@ def faces_to_flip(edges: Edges, n_faces: int) -> tuple[NDArray[np.bool_], NDArra
     worse = kept[as_is] < turned[as_is]
     tie = kept[as_is] == turned[as_is]
     return worse | (tie & (first[as_is] > first[flipped])), as_is == flipped
+
+
+def _components(n: int, rows: Index, columns: Index) -> tuple[int, Index]:
+    """Number of components of a graph of n nodes with edges rows to columns, and each node's."""
+    from scipy.sparse import coo_matrix  # not for who only counts edges, as a hand's shapes do
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n, n))
+    count, label = connected_components(graph, directed=False)
+    return int(count), label.astype(np.int64)
